@@ -1,0 +1,9 @@
+"""Linear systems with exact delays: the class, closing loops, stability, simulation, norms.
+
+This room knows nothing of vehicles, roads or files.
+"""
+
+from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant, open_loop
+from susp_ctrl.delay_systems.delay_lti import DelayLTI
+
+__all__ = ["DelayLTI", "FeedbackChannel", "close_loop", "loop_plant", "open_loop"]

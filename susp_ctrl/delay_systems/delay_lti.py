@@ -1,0 +1,378 @@
+r"""`DelayLTI`: a linear system with any number of exact delays.
+
+The system is kept in the linear fractional form of `susp_ctrl.delay_systems.lft`. The delays are kept as the
+user gave them: their number and order, zero and equal ones too. Algorithms work on `DelayLTI.folded`, in which
+gains are absorbed, delay-free channels closed and idle ones dropped.
+
+A *retarded* system has no direct path from a delayed signal around the loop to itself. With such a path it is
+*neutral*: an infinitely small delay can create infinitely many unstable roots [1]_. A neutral loop is refused
+when it is built, so every `DelayLTI` is retarded and well posed.
+
+References
+----------
+.. [1] W. Michiels, S.-I. Niculescu, "Stability, Control, and Computation for Time-Delay Systems", SIAM, 2014,
+   chapter 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import control
+import numpy as np
+from control.lti import LTI
+from numpy.typing import ArrayLike, NDArray
+
+from susp_ctrl import validation
+from susp_ctrl.delay_systems.lft import (
+    ComplexArray,
+    FloatArray,
+    Realization,
+    lft_response,
+    sample_plant,
+)
+from susp_ctrl.errors import InputError, NeutralLoopError
+
+# Closer to an eigenvalue of A than this (relative), P and H differ so much in size that forming H from P loses
+# digits; the closed matrix is then solved directly.
+_NEAR_POLE = 1e-3
+
+
+class FoldedLoop(NamedTuple):
+    """The loop as algorithms see it: unit gains, every delay positive, every channel at work."""
+
+    plant: Realization
+    delays: FloatArray
+
+    def exponentials(self, s: ComplexArray) -> ComplexArray:
+        """Return ``e^{-s tau_k}``, shape (*s.shape, channels)."""
+        return np.exp(-np.asarray(s)[..., None] * self.delays)
+
+
+class DelayLTI(LTI):
+    r"""Linear time-invariant system with exact delays, closed around an ordinary plant.
+
+    .. math:: H(s) = P_{11} + P_{12} E (I - P_{22} E)^{-1} P_{21},\quad E = \mathrm{diag}(g_k e^{-s\tau_k} I)
+
+    Parameters
+    ----------
+    plant : control.StateSpace or Realization
+        ``P`` with inputs ``[u; w]`` and outputs ``[y; z]``: the delayed signals come last in both.
+    delays : array_like, shape (n_delays,)
+        Delays in seconds, not negative.
+    gains : array_like, shape (n_delays,), optional
+        Gain of each delayed block; one by default.
+    widths : sequence of int, optional
+        Number of signals that share each delay; one each by default.
+    inputs, outputs, states : sequence of str, optional
+        Signal names; taken from `plant` where it has them.
+    name : str, optional
+        System name.
+
+    Raises
+    ------
+    InputError
+        Wrong shapes, a negative or infinite delay, discrete time, an algebraic loop that has no solution.
+    NeutralLoopError
+        A delayed signal feeds through directly around the loop.
+
+    Notes
+    -----
+    Immutable; `with_delays` and `with_gains` give changed copies.
+    """
+
+    def __init__(
+        self,
+        plant: control.StateSpace | Realization,
+        delays: ArrayLike = (),
+        gains: ArrayLike | None = None,
+        widths: Sequence[int] | None = None,
+        *,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        states: Sequence[str] | None = None,
+        name: str | None = None,
+    ) -> None:
+        tau = validation.vector("delays", delays, at_least=0.0)
+        g = np.ones(tau.size) if gains is None else validation.vector("gains", gains, size=tau.size)
+        blocks = [1] * tau.size if widths is None else [validation.integer("widths", w, at_least=0) for w in widths]
+        if len(blocks) != tau.size:
+            raise InputError(f"widths has {len(blocks)} entries: one for each of {tau.size} delays is needed")
+        channels = sum(blocks)
+        if isinstance(plant, Realization):
+            realization = plant
+        else:
+            realization = _split(plant, channels)
+            inputs = plant.input_labels[: realization.n_inputs] if inputs is None else inputs
+            outputs = plant.output_labels[: realization.n_outputs] if outputs is None else outputs
+            states = plant.state_labels if states is None else states
+        if realization.n_channels != channels:
+            raise InputError(f"plant has {realization.n_channels} delayed signals: {channels} are needed")
+        super().__init__(
+            inputs=realization.n_inputs if inputs is None else list(inputs),
+            outputs=realization.n_outputs if outputs is None else list(outputs),
+            states=realization.n_states if states is None else list(states),
+            name=name,
+            dt=0,
+        )
+        for array in (tau, g):
+            array.setflags(write=False)
+        self._realization = realization
+        self._delays, self._gains, self._widths = tau, g, tuple(blocks)
+        _refuse_neutral(self.folded)
+
+    @property
+    def realization(self) -> Realization:
+        """The undelayed plant P as matrices; gains and delays are not in it."""
+        return self._realization
+
+    @property
+    def delays(self) -> FloatArray:
+        """Delays in seconds, as given."""
+        return self._delays
+
+    @property
+    def gains(self) -> FloatArray:
+        """Gains of the delayed blocks, as given."""
+        return self._gains
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Number of signals that share each delay."""
+        return self._widths
+
+    @property
+    def plant(self) -> control.StateSpace:
+        """The undelayed plant P as a `control.StateSpace` with inputs ``[u; w]`` and outputs ``[y; z]``."""
+        r = self._realization
+        channel = [f"delayed[{k}]" for k in range(r.n_channels)]
+        return control.StateSpace(
+            r.A,
+            np.hstack([r.B1, r.B2]),
+            np.vstack([r.C1, r.C2]),
+            np.block([[r.D11, r.D12], [r.D21, r.D22]]),
+            inputs=[*self.input_labels, *(f"w_{c}" for c in channel)],
+            outputs=[*self.output_labels, *(f"z_{c}" for c in channel)],
+            states=self.state_labels,
+        )
+
+    def _with(self, **changes: Any) -> DelayLTI:
+        settings = {
+            "plant": self._realization,
+            "delays": self._delays,
+            "gains": self._gains,
+            "widths": self._widths,
+            "inputs": self.input_labels,
+            "outputs": self.output_labels,
+            "states": self.state_labels,
+            "name": self.name,
+        }
+        return DelayLTI(**(settings | changes))
+
+    def with_delays(self, delays: ArrayLike) -> DelayLTI:
+        """Return the same system with other delays (s), one for each of `delays`."""
+        return self._with(delays=validation.vector("delays", delays, size=self._delays.size, at_least=0.0))
+
+    def with_gains(self, gains: ArrayLike) -> DelayLTI:
+        """Return the same system with other gains, one for each of `gains`."""
+        return self._with(gains=validation.vector("gains", gains, size=self._gains.size))
+
+    @cached_property
+    def channel_delays(self) -> FloatArray:
+        """Delay of every delayed signal (blocks spread out), shape (channels,)."""
+        return np.repeat(self._delays, self._widths)
+
+    @cached_property
+    def channel_gains(self) -> FloatArray:
+        """Gain of every delayed signal (blocks spread out), shape (channels,)."""
+        return np.repeat(self._gains, self._widths)
+
+    @cached_property
+    def folded(self) -> FoldedLoop:
+        """The loop with gains absorbed, zero delays closed and idle channels dropped."""
+        return fold(self._realization, self.channel_gains, self.channel_delays)
+
+    def exponentials(self, s: ArrayLike) -> ComplexArray:
+        """Return ``g_k e^{-s tau_k}`` for every delayed signal, shape (*s.shape, channels)."""
+        return self.channel_gains * np.exp(-np.asarray(s, dtype=complex)[..., None] * self.channel_delays)
+
+    def __call__(self, x: ArrayLike, squeeze: bool | None = None, warn_infinite: bool = True) -> Any:
+        """Evaluate the transfer matrix at complex points, delays exact.
+
+        Parameters
+        ----------
+        x : complex or array_like of complex, shape (n_points,)
+            Points s of the complex plane.
+        squeeze : bool, optional
+            As in python-control: by default a SISO system gives the shape of `x`, others
+            (outputs, inputs, n_points).
+        warn_infinite : bool, optional
+            Accepted for python-control's sake.
+
+        Returns
+        -------
+        complex or ndarray of complex
+        """
+        points = np.atleast_1d(np.asarray(x, dtype=complex))
+        values = np.moveaxis(self._evaluate(points), 0, -1)
+        if np.ndim(x) == 0:
+            values = values[..., 0]
+        setting = control.config.defaults["control.squeeze_frequency_response"] if squeeze is None else squeeze
+        if setting is True:
+            return np.squeeze(values)
+        if setting is None and self.issiso():
+            return values[0, 0]
+        return values
+
+    def _evaluate(self, s: ComplexArray) -> ComplexArray:
+        plant, _ = loop = self.folded
+        E = loop.exponentials(s)
+        values = lft_response(sample_plant(plant, s), E)
+        poles = plant.eigenvalues
+        if poles.size:
+            gap = np.abs(s[:, None] - poles)
+            near = np.any(gap <= _NEAR_POLE * np.maximum(np.abs(s[:, None]), np.abs(poles)), axis=1)
+            if np.any(near):
+                values[near] = _evaluate_directly(plant, s[near], E[near])
+        return values
+
+    def dcgain(self, warn_infinite: bool = False) -> Any:
+        """Return the gain at s = 0 (delays are transparent there)."""
+        return self._dcgain(warn_infinite)
+
+    def __str__(self) -> str:
+        delays = ", ".join(f"{d:g} s" for d in self._delays) or "none"
+        return (
+            f"<DelayLTI> {self.name}: {self.nstates} states\n"
+            f"  inputs:  {', '.join(self.input_labels)}\n"
+            f"  outputs: {', '.join(self.output_labels)}\n"
+            f"  delays:  {delays}\n"
+            f"  gains:   {', '.join(f'{g:g}' for g in self._gains) or 'none'}"
+        )
+
+    __repr__ = __str__
+
+
+def fold(plant: Realization, gains: FloatArray, delays: FloatArray) -> FoldedLoop:
+    """Absorb the gains, drop channels without effect and close the channels without delay.
+
+    Raises
+    ------
+    InputError
+        The delay-free channels form an algebraic loop without a solution.
+    """
+    column = np.vstack([plant.B2, plant.D12, plant.D22]) * gains
+    at_work = np.any(column != 0.0, axis=0)
+    instant = at_work & (delays == 0.0)
+    kept = at_work & ~instant
+    B2, D12, D22 = plant.B2 * gains, plant.D12 * gains, plant.D22 * gains
+    if not np.any(instant):
+        closed = (plant.A, plant.B1, B2[:, kept], plant.C1, plant.C2[kept])
+        direct = (plant.D11, D12[:, kept], plant.D21[kept], D22[np.ix_(kept, kept)])
+        return FoldedLoop(Realization(*closed, *direct), delays[kept])
+    around = np.eye(int(instant.sum())) - D22[np.ix_(instant, instant)]
+    if np.linalg.cond(around) > 1e14:
+        raise InputError("the channels without delay form an algebraic loop with unit gain: it has no solution")
+    from_state = np.linalg.solve(around, plant.C2[instant])
+    from_input = np.linalg.solve(around, plant.D21[instant])
+    from_delayed = np.linalg.solve(around, D22[np.ix_(instant, kept)])
+    to_state, to_output, to_delayed = B2[:, instant], D12[:, instant], D22[np.ix_(kept, instant)]
+    return FoldedLoop(
+        Realization(
+            plant.A + to_state @ from_state,
+            plant.B1 + to_state @ from_input,
+            B2[:, kept] + to_state @ from_delayed,
+            plant.C1 + to_output @ from_state,
+            plant.C2[kept] + to_delayed @ from_state,
+            plant.D11 + to_output @ from_input,
+            D12[:, kept] + to_output @ from_delayed,
+            plant.D21[kept] + to_delayed @ from_input,
+            D22[np.ix_(kept, kept)] + to_delayed @ from_delayed,
+        ),
+        delays[kept],
+    )
+
+
+def _refuse_neutral(loop: FoldedLoop) -> None:
+    """Raise unless ``det(I - D22 E) = 1`` for all delays: no direct path leads around the loop.
+
+    The determinant is one for every E exactly when every cycle of D22 has zero weight, which random points of
+    the torus tell apart from any other polynomial in E.
+    """
+    D22 = loop.plant.D22
+    channels = D22.shape[0]
+    if not np.any(D22):
+        return
+    phases = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, (8, channels))
+    determinant = np.linalg.det(np.eye(channels) - D22 * np.exp(1j * phases)[:, None, :])
+    scale = np.linalg.det(np.eye(channels) + np.abs(D22)) if channels < 12 else 1.0 + np.abs(D22).sum()
+    if np.any(np.abs(determinant - 1.0) > 1e-12 * max(1.0, abs(scale))):
+        raise NeutralLoopError(
+            "the loop is neutral: a delayed signal feeds through directly around the loop (for example delayed "
+            "acceleration feedback), so no delay is too small to destabilise it; give the channel an "
+            "actuator_bandwidth, which makes it retarded"
+        )
+
+
+def _evaluate_directly(plant: Realization, s: ComplexArray, E: ComplexArray) -> ComplexArray:
+    """Solve the closed loop's matrix itself: valid at poles of the open plant, slower."""
+    Ez = E[:, None, :]
+    around = np.eye(plant.n_channels) - plant.D22 * Ez
+    delayed_from_state = np.linalg.solve(around, np.broadcast_to(plant.C2, (s.size, *plant.C2.shape)))
+    delayed_from_input = np.linalg.solve(around, np.broadcast_to(plant.D21, (s.size, *plant.D21.shape)))
+    closed = s[:, None, None] * np.eye(plant.n_states) - plant.A - (plant.B2 * Ez) @ delayed_from_state
+    right_side = plant.B1 + (plant.B2 * Ez) @ delayed_from_input
+    try:
+        state = np.linalg.solve(closed, right_side)
+    except np.linalg.LinAlgError:
+        singular = np.linalg.cond(closed) > 1e15
+        state = np.full(right_side.shape, np.inf + 0j)
+        state[~singular] = np.linalg.solve(closed[~singular], right_side[~singular])
+    return (
+        (plant.C1 + (plant.D12 * Ez) @ delayed_from_state) @ state
+        + plant.D11
+        + (plant.D12 * Ez) @ delayed_from_input
+    )
+
+
+def _split(system: control.StateSpace, channels: int) -> Realization:
+    """Split an ordinary system into external signals and, last, `channels` delayed ones."""
+    if not isinstance(system, control.StateSpace):
+        raise InputError(f"plant is a {type(system).__name__}: a control.StateSpace is needed")
+    if system.dt not in (0, None):
+        raise InputError(f"plant has dt = {system.dt}: only continuous time (dt = 0) is possible")
+    p, q = system.noutputs - channels, system.ninputs - channels
+    if p < 0 or q < 0:
+        raise InputError(
+            f"plant has {system.ninputs} inputs and {system.noutputs} outputs: "
+            f"at least {channels} of each, for the delayed signals, are needed"
+        )
+    B, C, D = (np.asarray(m, dtype=float) for m in (system.B, system.C, system.D))
+    return Realization(
+        system.A, B[:, :q], B[:, q:], C[:p], C[p:], D[:p, :q], D[:p, q:], D[p:, :q], D[p:, q:]
+    )
+
+
+def as_delay_lti(system: Any, name: str = "system") -> DelayLTI:
+    """Return a `DelayLTI` equal to a control system, a number or a matrix.
+
+    Raises
+    ------
+    InputError
+        A discrete-time system, frequency data, or something that is no linear system.
+    """
+    if isinstance(system, DelayLTI):
+        return system
+    if isinstance(system, control.TransferFunction):
+        if system.dt not in (0, None):
+            raise InputError(f"{name} has dt = {system.dt}: only continuous time (dt = 0) is possible")
+        labels = {"inputs": system.input_labels, "outputs": system.output_labels, "name": system.name}
+        return DelayLTI(control.ss(system), **labels)
+    if isinstance(system, control.StateSpace):
+        return DelayLTI(system, name=system.name)
+    if isinstance(system, (int, float, np.number, np.ndarray, list, tuple)) and not isinstance(system, bool):
+        D: NDArray[np.float64] = validation.matrix(name, system)
+        return DelayLTI(control.StateSpace(np.zeros((0, 0)), np.zeros((0, D.shape[1])), np.zeros((D.shape[0], 0)), D))
+    raise InputError(f"{name} is a {type(system).__name__}: a linear continuous-time system or a number is needed")

@@ -1,0 +1,141 @@
+"""Checks of arguments, made once at the top of a public function.
+
+Every check returns the clean value or raises `InputError` with one line: name, value, what is allowed.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Sequence
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from susp_ctrl.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+
+def number(
+    name: str,
+    value: Any,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    at_most: float | None = None,
+) -> float:
+    """Return `value` as a finite float within the given limits."""
+    limits = [
+        (f"greater than {above:g}", lambda v: v > above) if above is not None else None,
+        (f"at least {at_least:g}", lambda v: v >= at_least) if at_least is not None else None,
+        (f"less than {below:g}", lambda v: v < below) if below is not None else None,
+        (f"at most {at_most:g}", lambda v: v <= at_most) if at_most is not None else None,
+    ]
+    allowed = [limit for limit in limits if limit is not None]
+    wanted = "a finite number" + "".join(f", {text}" for text, _ in allowed)
+    if isinstance(value, bool) or not isinstance(value, (Real, np.ndarray)) or np.size(value) != 1:
+        raise InputError(f"{name} = {value!r} is not allowed: {wanted} is needed")
+    result = float(np.asarray(value, dtype=float).reshape(()))
+    if not math.isfinite(result) or not all(holds(result) for _, holds in allowed):
+        raise InputError(f"{name} = {result:g} is not allowed: {wanted} is needed")
+    return result
+
+
+def integer(name: str, value: Any, *, at_least: int | None = None, at_most: int | None = None) -> int:
+    """Return `value` as an int within the given limits."""
+    limits = [
+        f"at least {at_least}" if at_least is not None else "",
+        f"at most {at_most}" if at_most is not None else "",
+    ]
+    wanted = ", ".join(["an integer", *filter(None, limits)])
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise InputError(f"{name} = {value!r} is not allowed: {wanted} is needed")
+    result = int(value)
+    if (at_least is not None and result < at_least) or (at_most is not None and result > at_most):
+        raise InputError(f"{name} = {result} is not allowed: {wanted} is needed")
+    return result
+
+
+def vector(
+    name: str, value: ArrayLike, *, size: int | None = None, at_least: float | None = None
+) -> FloatArray:
+    """Return `value` as a finite one-dimensional float array."""
+    try:
+        result = np.atleast_1d(np.asarray(value, dtype=float))
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value!r} is not allowed: a sequence of numbers is needed") from None
+    if result.ndim != 1 or (size is not None and result.size != size):
+        length = "" if size is None else f" of {size} numbers"
+        raise InputError(f"{name} has shape {result.shape}: a one-dimensional sequence{length} is needed")
+    if not np.all(np.isfinite(result)):
+        bad = int(np.flatnonzero(~np.isfinite(result))[0])
+        raise InputError(f"{name}[{bad}] = {result[bad]} is not allowed: finite numbers are needed")
+    if at_least is not None and np.any(result < at_least):
+        bad = int(np.flatnonzero(result < at_least)[0])
+        raise InputError(f"{name}[{bad}] = {result[bad]:g} is not allowed: at least {at_least:g} is needed")
+    return result
+
+
+def matrix(
+    name: str, value: ArrayLike, *, rows: int | None = None, columns: int | None = None
+) -> FloatArray:
+    """Return `value` as a finite two-dimensional float array of the given shape."""
+    try:
+        result = np.atleast_2d(np.asarray(value, dtype=float))
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is not allowed: a real matrix is needed") from None
+    wanted = (
+        result.shape[0] if rows is None else rows,
+        result.shape[1] if columns is None else columns,
+    )
+    if result.ndim != 2 or result.shape != wanted:
+        raise InputError(f"{name} has shape {result.shape}: a matrix of shape {wanted} is needed")
+    if not np.all(np.isfinite(result)):
+        raise InputError(f"{name} is not allowed: finite numbers are needed")
+    return result
+
+
+def increasing(name: str, value: ArrayLike, *, at_least: float | None = None) -> FloatArray:
+    """Return `value` as a finite, strictly increasing, non-empty float array."""
+    result = vector(name, value, at_least=at_least)
+    if result.size == 0:
+        raise InputError(f"{name} is empty: at least one value is needed")
+    steps = np.diff(result)
+    if np.any(steps <= 0):
+        bad = int(np.flatnonzero(steps <= 0)[0])
+        raise InputError(
+            f"{name} does not increase: {name}[{bad + 1}] = {result[bad + 1]:g} follows {result[bad]:g}"
+        )
+    return result
+
+
+def one_of(name: str, value: Any, allowed: Iterable[str]) -> str:
+    """Return `value` if it is one of the allowed words; name the nearest one if it is not."""
+    words = list(allowed)
+    if isinstance(value, str) and value in words:
+        return value
+    raise InputError(f"{name} = {value!r} is not allowed: {_nearest(value, words)}")
+
+
+def signal_index(name: str, value: Any, labels: Sequence[str]) -> int:
+    """Return the position of a signal given by its name or number."""
+    if isinstance(value, Integral) and not isinstance(value, bool) and 0 <= int(value) < len(labels):
+        return int(value)
+    return list(labels).index(one_of(name, value, labels))
+
+
+def random_generator(seed: Any, name: str = "seed") -> np.random.Generator:
+    """Return a generator from an int or pass a `numpy.random.Generator` through."""
+    if isinstance(seed, np.random.Generator):
+        return seed
+    return np.random.default_rng(integer(name, seed, at_least=0))
+
+
+def _nearest(value: Any, words: Sequence[str]) -> str:
+    close = difflib.get_close_matches(str(value), words, n=1, cutoff=0.6)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}allowed are {', '.join(words)}"
