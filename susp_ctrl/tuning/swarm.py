@@ -74,7 +74,7 @@ def pso(
 ) -> OptimizeResult:
     r"""Minimise a batch function over a box by a particle swarm.
 
-    .. math:: v \leftarrow \alpha v + \epsilon_1 r_1 (p - x) + \epsilon_2 r_2 (b - x), \quad x \leftarrow x + v
+    .. math:: v \leftarrow \alpha v + \epsilon_1 r_1 (p - x) + \epsilon_2 r_2 (b - x), \; x \leftarrow x + v
 
     with p the best point a particle has seen, b the best point its neighbours have seen, and r1, r2 uniform
     on (0, 1) for each particle and coordinate.
@@ -211,7 +211,8 @@ def pso(
     history = pd.DataFrame(record[: done + 1], columns=["best", "mean", "feasible_share"])
     history.insert(0, "iteration", np.arange(done + 1))
     history.insert(1, "evaluations", count * np.arange(1, done + 2))
-    return OptimizeResult(
+    result = OptimizeResult()
+    result.update(
         x=own[order[0]].copy(),
         fun=float(own_values[order[0]]) if found else np.nan,
         violation=float(own_violations[order[0]]),
@@ -225,6 +226,7 @@ def pso(
         candidate_values=np.where(own_violations[order] == 0, own_values[order], np.nan),
         candidate_violations=own_violations[order],
     )
+    return result
 
 
 def swarm_step(
@@ -325,7 +327,8 @@ def _intermediate(
     own: FloatArray, values: FloatArray, violations: FloatArray, done: int, count: int, share: float
 ) -> OptimizeResult:
     first = deb_order(values, violations)[0]
-    return OptimizeResult(
+    state = OptimizeResult()
+    state.update(
         x=own[first].copy(),
         fun=float(values[first]) if violations[first] == 0 else np.nan,
         violation=float(violations[first]),
@@ -333,6 +336,7 @@ def _intermediate(
         nfev=count * (done + 1),
         feasible_share=float(share),
     )
+    return state
 
 
 def _box(lower: ArrayLike, upper: ArrayLike) -> tuple[FloatArray, FloatArray]:
