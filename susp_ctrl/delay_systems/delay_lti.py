@@ -33,6 +33,7 @@ from susp_ctrl.delay_systems.lft import (
     lft_response,
     sample_plant,
 )
+from susp_ctrl.delay_systems.state_delays import state_delay_realization
 from susp_ctrl.errors import InputError, NeutralLoopError
 
 # Closer to an eigenvalue of A than this (relative), P and H differ so much in size that forming H from P loses
@@ -122,6 +123,46 @@ class DelayLTI(LTI):
         self._realization = realization
         self._delays, self._gains, self._widths = tau, g, tuple(blocks)
         _refuse_neutral(self.folded)
+
+    @classmethod
+    def from_state_delays(
+        cls,
+        A: Sequence[ArrayLike],
+        delays: ArrayLike,
+        B: ArrayLike | None = None,
+        C: ArrayLike | None = None,
+        D: ArrayLike | None = None,
+        input_terms: Sequence[tuple[ArrayLike, float]] = (),
+        **names: Any,
+    ) -> DelayLTI:
+        r"""Return the system ``x' = A0 x + sum A_k x(t-tau_k) + B u + sum B_j u(t-d_j)``, ``y = C x + D u``.
+
+        Parameters
+        ----------
+        A : sequence of array_like, each (n, n)
+            ``[A0, A1, ...]``; ``A[1:]`` pairs with `delays`.
+        delays : array_like
+            Delays of ``A[1:]`` in seconds.
+        B, C, D : array_like, optional
+            Undelayed matrices (n, q), (p, n), (p, q). Without `B` and `input_terms` the system has no input;
+            without `C` the outputs are the states; without `D` it is zero.
+        input_terms : sequence of (array_like (n, q), float)
+            Delayed input matrices with their delays, which follow in `delays` of the result.
+        **names
+            ``inputs``, ``outputs``, ``states``, ``name``.
+
+        Returns
+        -------
+        DelayLTI
+            One delayed block for every delay given, as wide as the rank of its matrix.
+
+        Raises
+        ------
+        InputError
+            Shapes or numbers that do not fit.
+        """
+        plant, tau, widths = state_delay_realization(A, delays, B, C, D, input_terms)
+        return cls(plant, tau, widths=widths, **names)
 
     @property
     def realization(self) -> Realization:
