@@ -1,7 +1,7 @@
 """Quarter, half and full car as plants with named signals: linear, about the static position.
 
-Every vehicle is a chain of masses M q'' + C q' + K q = W u with road and actuator inputs u; gravity only enters
-the static loads. The rooms of delays and roads are not known here.
+Every vehicle is a chain of masses M q'' + C q' + K q = W u with road and actuator inputs u; gravity only
+enters the static loads. The rooms of delays and roads are not known here.
 """
 
 from __future__ import annotations

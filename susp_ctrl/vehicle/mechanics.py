@@ -2,19 +2,19 @@
 
     M q'' + C q' + K q = W_r x_g + W_f f,      y = P q + V q' + A q'' + D_r x_g + D_f f
 
-A suspension between a wheel and the body is one row d with d q its deflection: it adds k d'd to K and c d'd to
-C, and its actuator force f enters as d' f (a positive force pushes the body up and the wheel down).
+A suspension between a wheel and the body is one row d with d q its deflection: it adds k d'd to K and c d'd
+to C, and its actuator force f enters as d' f (a positive force pushes the body up and the wheel down).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import control
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl import validation
 
@@ -39,9 +39,9 @@ class ValidatedFields:
     `_COMPONENTS` is not a number and checks itself.
     """
 
-    _NON_NEGATIVE: frozenset[str] = frozenset()
-    _ANY_SIGN: frozenset[str] = frozenset()
-    _COMPONENTS: frozenset[str] = frozenset()
+    _NON_NEGATIVE: ClassVar[frozenset[str]] = frozenset()
+    _ANY_SIGN: ClassVar[frozenset[str]] = frozenset()
+    _COMPONENTS: ClassVar[frozenset[str]] = frozenset()
 
     def __post_init__(self) -> None:
         owner = type(self).__name__
@@ -99,7 +99,7 @@ class Output:
 
 
 def suspension_matrices(
-    deflections: FloatArray, stiffness: Sequence[float], damping: Sequence[float]
+    deflections: FloatArray, stiffness: ArrayLike, damping: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
     """Return (C, K) of springs and dampers between the coordinates.
 
@@ -107,7 +107,7 @@ def suspension_matrices(
     ----------
     deflections : array, shape (suspensions, coordinates)
         Row k gives the deflection of suspension k.
-    stiffness, damping : sequence, length suspensions
+    stiffness, damping : array_like, length suspensions
         N/m and N s/m.
     """
     stiff = np.asarray(stiffness, dtype=float)
