@@ -63,7 +63,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
 
 _ROOM_OF = {name: room for room, names in _PUBLIC.items() for name in names}
 
-__all__ = ["__version__", *sorted(_ROOM_OF)]  # noqa: PLE0604  every entry is a string
+__all__ = ["__version__", *sorted(_ROOM_OF)]
 
 
 def __getattr__(name: str) -> Any:

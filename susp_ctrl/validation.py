@@ -37,7 +37,8 @@ def number(
     ]
     allowed = [limit for limit in limits if limit is not None]
     wanted = "a finite number" + "".join(f", {text}" for text, _ in allowed)
-    if isinstance(value, bool) or not isinstance(value, (Real, np.ndarray)) or np.size(value) != 1:
+    scalar = isinstance(value, Real) or (isinstance(value, np.ndarray) and value.size == 1)
+    if isinstance(value, bool) or not scalar:
         raise InputError(f"{name} = {value!r} is not allowed: {wanted} is needed")
     result = float(np.asarray(value, dtype=float).reshape(()))
     if not math.isfinite(result) or not all(holds(result) for _, holds in allowed):
@@ -80,9 +81,7 @@ def vector(
     return result
 
 
-def matrix(
-    name: str, value: ArrayLike, *, rows: int | None = None, columns: int | None = None
-) -> FloatArray:
+def matrix(name: str, value: ArrayLike, *, rows: int | None = None, columns: int | None = None) -> FloatArray:
     """Return `value` as a finite two-dimensional float array of the given shape."""
     try:
         result = np.atleast_2d(np.asarray(value, dtype=float))

@@ -173,7 +173,9 @@ def open_loop(plant: Any, channels: Sequence[FeedbackChannel], *, name: str | No
     realization = Realization(
         A=np.block([[r.A, np.zeros((n, len(lags)))], [np.zeros((len(lags), n)), -np.diag(rates)]]),
         B1=np.vstack([r.B1[:, used], np.zeros((len(lags), len(used)))]),
-        B2=np.block([[r.B2, np.zeros((n, m))], [np.zeros((len(lags), inner)), np.diag(rates) @ np.eye(m)[lags]]]),
+        B2=np.block(
+            [[r.B2, np.zeros((n, m))], [np.zeros((len(lags), inner)), np.diag(rates) @ np.eye(m)[lags]]]
+        ),
         C1=np.hstack([np.zeros((len(used), n)), returned[:, lags]]),
         C2=np.hstack([np.vstack([r.C2, r.C1[measured]]), np.zeros((inner + m, len(lags)))]),
         D11=np.zeros((len(used), len(used))),
@@ -199,7 +201,7 @@ def _label(signal: str | int) -> str:
 
 
 def _checked(channels: Sequence[FeedbackChannel]) -> list[FeedbackChannel]:
-    paths = [channels] if isinstance(channels, FeedbackChannel) else list(channels)
+    paths = list(channels)
     for k, channel in enumerate(paths):
         if not isinstance(channel, FeedbackChannel):
             raise InputError(f"channels[{k}] is a {type(channel).__name__}: a FeedbackChannel is needed")

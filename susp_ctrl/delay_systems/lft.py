@@ -85,7 +85,7 @@ class Realization:
         B, C = np.hstack([self.B1, self.B2]), np.vstack([self.C1, self.C2])
         if self.n_states == 0:
             return self.A.astype(complex), B.astype(complex), C.astype(complex)
-        balanced, (scale, order) = scipy.linalg.matrix_balance(self.A, permute=False, separate=True)
+        balanced, (scale, _) = scipy.linalg.matrix_balance(self.A, permute=False, separate=True)
         T, Q = scipy.linalg.schur(balanced, output="complex")
         return T, Q.conj().T @ (B / scale[:, None]), (C * scale) @ Q
 
@@ -96,10 +96,10 @@ class Realization:
 
     def closed_matrix(self, E: ComplexArray) -> ComplexArray:
         """Return ``A + B2 E (I - D22 E)^-1 C2`` for `E` of shape (..., channels): shape (..., states, states)."""
-        return self.A + (self.B2 * E[..., None, :]) @ np.linalg.solve(
-            np.eye(self.n_channels) - self.D22 * E[..., None, :],
-            np.broadcast_to(self.C2, (*E.shape[:-1], *self.C2.shape)),
-        )
+        around = np.eye(self.n_channels) - self.D22 * E[..., None, :]
+        delayed = np.linalg.solve(around, np.broadcast_to(self.C2, (*E.shape[:-1], *self.C2.shape)))
+        closed: ComplexArray = self.A + (self.B2 * E[..., None, :]) @ delayed
+        return closed
 
 
 class SampledPlant(NamedTuple):
@@ -138,7 +138,7 @@ def sample_plant(plant: Realization, s: ArrayLike) -> SampledPlant:
             if i + 1 < n:
                 right_side = right_side + np.tensordot(T[i, i + 1 :], solution[i + 1 :], axes=1)
             solution[i] = right_side / (points - T[i, i])
-        values = (C @ solution.reshape(n, -1)).reshape(C.shape[0], columns, points.size)
+        values = (C @ solution.reshape(n, columns * points.size)).reshape(C.shape[0], columns, points.size)
     p, q = plant.n_outputs, plant.n_inputs
     values[:p, :q] += plant.D11[..., None]
     values[:p, q:] += plant.D12[..., None]
@@ -183,7 +183,8 @@ def return_solve(p22: ComplexArray, E: ComplexArray, right_side: ComplexArray) -
             first = (m22[..., None] * r1 + m12[..., None] * r2) * inverse_det
             second = (m21[..., None] * r1 + m11[..., None] * r2) * inverse_det
             return np.stack([first, second], axis=-2)
-        return np.linalg.solve(np.eye(channels) - p22 * E[..., None, :], right_side)
+        solution: ComplexArray = np.linalg.solve(np.eye(channels) - p22 * E[..., None, :], right_side)
+        return solution
 
 
 def return_determinant(p22: ComplexArray, E: ComplexArray) -> ComplexArray:
@@ -198,4 +199,5 @@ def return_determinant(p22: ComplexArray, E: ComplexArray) -> ComplexArray:
         return (1.0 - p22[..., 0, 0] * e1) * (1.0 - p22[..., 1, 1] * e2) - (
             p22[..., 0, 1] * p22[..., 1, 0] * e1 * e2
         )
-    return np.linalg.det(np.eye(channels) - p22 * E[..., None, :])
+    determinant: ComplexArray = np.linalg.det(np.eye(channels) - p22 * E[..., None, :])
+    return determinant

@@ -53,7 +53,9 @@ def state_delay_realization(
         raise InputError("A is empty: a sequence [A0, A1, ...] is needed")
     tau = validation.vector("delays", delays, at_least=0.0)
     if tau.size != len(A) - 1:
-        raise InputError(f"delays has {tau.size} entries: one for each of the {len(A) - 1} matrices A[1:] is needed")
+        raise InputError(
+            f"delays has {tau.size} entries: one for each of the {len(A) - 1} matrices A[1:] is needed"
+        )
     n = np.atleast_2d(np.asarray(A[0])).shape[0]
     matrices = [validation.matrix(f"A[{k}]", m, rows=n, columns=n) for k, m in enumerate(A)]
     delayed_inputs = [
