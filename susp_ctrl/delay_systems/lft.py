@@ -183,8 +183,7 @@ def return_solve(p22: ComplexArray, E: ComplexArray, right_side: ComplexArray) -
             first = (m22[..., None] * r1 + m12[..., None] * r2) * inverse_det
             second = (m21[..., None] * r1 + m11[..., None] * r2) * inverse_det
             return np.stack([first, second], axis=-2)
-        solution: ComplexArray = np.linalg.solve(np.eye(channels) - p22 * E[..., None, :], right_side)
-        return solution
+        return np.linalg.solve(np.eye(channels) - p22 * E[..., None, :], right_side).astype(complex, copy=False)
 
 
 def return_determinant(p22: ComplexArray, E: ComplexArray) -> ComplexArray:
