@@ -1,0 +1,150 @@
+"""Stability against delay: |z| over frequency, and the intervals of the delay in which a loop is stable."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
+
+from susp_ctrl.plotting.frequency import frequency_axis
+from susp_ctrl.plotting.style import BLACK, VERMILLION, axes_for, sparse_markers, styled, styles_for
+
+
+@styled
+def draw_unit_modulus(
+    omega: ArrayLike,
+    moduli: Mapping[str, ArrayLike],
+    ax: Axes | None = None,
+    *,
+    crossings: ArrayLike = (),
+    ylabel: str = "|z|",
+    styles: Mapping[str, int | str] | None = None,
+    legend: bool = True,
+    title: str | None = None,
+) -> Axes:
+    """Draw |z| against frequency with the unit line; a root pair crosses the axis where |z| = 1.
+
+    Parameters
+    ----------
+    omega
+        Frequencies (rad/s), shape (n,); the axis is in Hz.
+    moduli
+        Label -> |z|, shape (n,); infinite values leave a gap.
+    ax
+        Axes to draw into; new ones by default.
+    crossings
+        Crossing frequencies (rad/s), marked on the unit line.
+    ylabel
+        Name of the modulus.
+    styles, legend, title
+        As in `susp_ctrl.plotting.draw_magnitude`.
+
+    Returns
+    -------
+    Axes
+    """
+    ax = axes_for(ax)
+    hertz = np.asarray(omega, dtype=float) / (2.0 * np.pi)
+    for number, (label, style) in enumerate(styles_for(moduli, styles).items()):
+        values = np.asarray(moduli[label], dtype=float)
+        values = np.where(np.isfinite(values) & (values > 0.0), values, np.nan)
+        ax.plot(hertz, values, label=label, markevery=sparse_markers(hertz.size, number), **style)
+    ax.axhline(1.0, color=BLACK, linewidth=1.0, linestyle="-", zorder=1.5)
+    found = np.ravel(np.asarray(crossings, dtype=float)) / (2.0 * np.pi)
+    if found.size:
+        ax.plot(found, np.ones_like(found), "o", color=BLACK, markersize=5, label="crossing", zorder=4)
+    frequency_axis(ax)
+    ax.set_yscale("log")
+    ax.set_xlabel("frequency (Hz)")
+    ax.set_ylabel(ylabel)
+    ax.margins(x=0.0)
+    if title:
+        ax.set_title(title)
+    if legend:
+        ax.legend(loc="best")
+    return ax
+
+
+@styled
+def draw_intervals(
+    rows: Mapping[str, Sequence[tuple[float, float, int]]],
+    ax: Axes | None = None,
+    *,
+    marks: Mapping[str, float] | None = None,
+    mark_label: str = "mark",
+    claims: Mapping[str, float] | None = None,
+    claim_label: str = "published limit",
+    xlabel: str = "delay (s)",
+    title: str | None = None,
+) -> Axes:
+    """Draw the stable and unstable intervals of a delay as bars, one row per loop.
+
+    Parameters
+    ----------
+    rows
+        Row label -> intervals (from, to, number of unstable roots), in seconds; a negative number of roots
+        means undecided.
+    ax
+        Axes to draw into; new ones by default.
+    marks, mark_label
+        Row label -> a delay (s) marked by a triangle below the bar, and its meaning.
+    claims, claim_label
+        Row label -> a published end of the stable interval (s), marked by a vertical bar, and its meaning.
+    xlabel
+        Name and unit of the delay.
+    title
+        Title of the axes.
+
+    Returns
+    -------
+    Axes
+    """
+    ax = axes_for(ax, height=0.8 + 0.38 * len(rows))
+    looks: dict[str, dict[str, Any]] = {
+        "stable": {"facecolor": "white", "hatch": ""},
+        "unstable": {"facecolor": "#8A8A8A", "hatch": "////"},
+        "undecided": {"facecolor": "#E2E2E2", "hatch": "...."},
+    }
+    drawn: dict[str, Any] = {}
+    end = 0.0
+    for row, intervals in enumerate(rows.values()):
+        for start, stop, roots in intervals:
+            kind = "undecided" if roots < 0 else "stable" if roots == 0 else "unstable"
+            bars = ax.barh(
+                row, stop - start, left=start, height=0.52, edgecolor=BLACK, linewidth=0.7, **looks[kind]
+            )
+            drawn.setdefault(kind, bars[0])
+            end = max(end, stop)
+            if roots > 0:
+                ax.annotate(
+                    str(roots), ((start + stop) / 2.0, row), ha="center", va="center", fontsize=6.5,
+                    bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "linewidth": 0.0},
+                )  # fmt: skip
+    handles, labels = list(drawn.values()), list(drawn)
+    names = list(rows)
+    below: dict[str, Any] = {"marker": "^", "color": BLACK, "markersize": 5}
+    across: dict[str, Any] = {"marker": "|", "color": VERMILLION, "markersize": 17}
+    for values, label, marker, offset in (
+        (marks or {}, mark_label, below, 0.36),
+        (claims or {}, claim_label, across, 0.0),
+    ):
+        placed = [(value, names.index(name) + offset) for name, value in values.items() if name in rows]
+        if placed:
+            points = np.array(placed)
+            (line,) = ax.plot(points[:, 0], points[:, 1], linestyle="", markeredgewidth=1.6, **marker)
+            handles.append(line)
+            labels.append(label)
+    ax.set_yticks(range(len(names)), names)
+    ax.set_ylim(len(names) - 0.4, -0.6)
+    ax.set_xlim(0.0, end or 1.0)
+    ax.grid(visible=False, axis="y")
+    ax.set_xlabel(xlabel)
+    if title:
+        ax.set_title(title)
+    ax.legend(
+        handles, labels, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(labels), frameon=False
+    )
+    return ax

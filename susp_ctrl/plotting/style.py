@@ -1,0 +1,242 @@
+"""One look for every figure: readable in colour, by colour-blind readers, and in black and white.
+
+A curve is told from its neighbours three times: by colour (Okabe and Ito's palette, which keeps its contrasts
+for the common kinds of colour blindness), by line style, and by sparse markers. The settings act only on
+figures drawn by this package: they are applied inside `styled` and never written to the user's matplotlib
+configuration.
+
+References
+----------
+Okabe, M., Ito, K., "Color Universal Design", 2008, https://jfly.uni-koeln.de/color/.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+BLACK, BLUE, VERMILLION, GREEN, PURPLE, SKY, ORANGE, GREY = (
+    "#000000",
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#56B4E9",
+    "#E69F00",
+    "#7F7F7F",
+)
+
+SETTINGS: Any = {  # newer matplotlib types its keys one by one, older ones as str
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],  # ships with matplotlib: the same picture on every machine
+    "font.size": 8.0,
+    "mathtext.fontset": "dejavusans",
+    "axes.titlesize": 8.5,
+    "axes.titleweight": "normal",
+    "axes.labelsize": 8.0,
+    "axes.linewidth": 0.6,
+    "axes.grid": True,
+    "axes.grid.which": "major",
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.use_mathtext": True,
+    "axes.unicode_minus": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#D5D5D5",
+    "grid.linewidth": 0.45,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "xtick.direction": "out",
+    "ytick.direction": "out",
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.fontsize": 7.5,
+    "legend.frameon": True,
+    "legend.framealpha": 0.9,
+    "legend.edgecolor": "#B0B0B0",
+    "legend.fancybox": False,
+    "legend.handlelength": 3.2,  # long enough to show a dash pattern
+    "lines.linewidth": 1.25,
+    "lines.markersize": 4.0,
+    "hatch.linewidth": 0.5,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.15,
+    "pdf.compression": 9,
+    "pdf.fonttype": 3,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "susp_ctrl",  # the same picture gives the same bytes
+}
+"""Settings of matplotlib that make the look; applied by `styled` only."""
+
+FULL_WIDTH = 6.7
+"""Width (inch) of a figure that spans the text of an A4 page."""
+
+_DASH_DOT = (0, (6, 1.6, 1.2, 1.6))
+_LONG_DASH = (0, (8, 2))
+_DASH_DOT_DOT = (0, (6, 1.5, 1.2, 1.5, 1.2, 1.5))
+
+# Line style and marker differ between every two curves, so that none relies on its colour.
+_CYCLE: tuple[dict[str, Any], ...] = (
+    {"color": BLACK, "linestyle": (0, (4, 1.8)), "marker": "", "linewidth": 1.1},
+    {"color": VERMILLION, "linestyle": _DASH_DOT, "marker": "s"},
+    {"color": BLUE, "linestyle": "-", "marker": "o"},
+    {"color": GREEN, "linestyle": _LONG_DASH, "marker": "^"},
+    {"color": PURPLE, "linestyle": _DASH_DOT_DOT, "marker": "D"},
+    {"color": SKY, "linestyle": "-", "marker": "v"},
+    {"color": ORANGE, "linestyle": (0, (2.5, 1.2)), "marker": "P"},
+    {"color": GREY, "linestyle": (0, (1, 1.2)), "marker": "X", "linewidth": 1.6},
+)
+
+_ROLES = {"passive": 0, "published": 1, "tuned": 2}
+
+
+def curve_style(which: int | str) -> dict[str, Any]:
+    """Return the line properties of one curve.
+
+    Parameters
+    ----------
+    which
+        The number of the curve (the cycle has eight different looks), or a role that always looks the same:
+        ``"passive"`` (black, dashed), ``"published"`` (vermillion, dash-dot), ``"tuned"`` (blue, solid).
+
+    Returns
+    -------
+    dict
+        Keyword arguments of `matplotlib.lines.Line2D`.
+
+    Raises
+    ------
+    KeyError
+        If the role is not known.
+    """
+    number = _ROLES[which] if isinstance(which, str) else int(which)
+    return {"markerfacecolor": "white", "markeredgewidth": 0.8, **_CYCLE[number % len(_CYCLE)]}
+
+
+def styles_for(
+    labels: Iterable[str], styles: Mapping[str, int | str] | None = None
+) -> dict[str, dict[str, Any]]:
+    """Return the line properties of several curves, by label.
+
+    Parameters
+    ----------
+    labels
+        The curves, in drawing order.
+    styles
+        For some or all labels, the number or role of `curve_style`. Labels without an entry take the next
+        looks that nobody asked for.
+    """
+    chosen = dict(styles or {})
+    taken = {_ROLES[s] if isinstance(s, str) else int(s) % len(_CYCLE) for s in chosen.values()}
+    free = [number for number in range(len(_CYCLE)) if number not in taken] or list(range(len(_CYCLE)))
+    result, next_free = {}, 0
+    for label in labels:
+        if label not in chosen:
+            chosen[label] = free[next_free % len(free)]
+            next_free += 1
+        result[label] = curve_style(chosen[label])
+    return result
+
+
+def sparse_markers(points: int, curve: int, count: int = 9) -> tuple[int, int]:
+    """Return `markevery` (first, step): about `count` markers, shifted so that curves do not mark the same x."""
+    step = max(points // count, 1)
+    return (curve * step // 5) % step, step
+
+
+def styled(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Decorate a drawing function: the look holds inside it, and the user's settings are untouched."""
+
+    @wraps(function)
+    def inside(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        with matplotlib.rc_context(SETTINGS):
+            return function(*args, **kwargs)
+
+    return inside
+
+
+def axes_for(ax: Axes | None, *, height: float = 2.9, width: float = FULL_WIDTH) -> Axes:
+    """Return `ax`, or new axes in a new pyplot figure where none was given (to be called inside `styled`)."""
+    if ax is not None:
+        return ax
+    import matplotlib.pyplot as plt  # only an interactive caller needs pyplot's figure manager
+
+    _, made = plt.subplots(figsize=(width, height), layout="constrained")
+    return made
+
+
+@styled
+def new_figure(
+    rows: int = 1, columns: int = 1, *, height: float = 2.9, **subplots: Any
+) -> tuple[Figure, NDArray[Any]]:
+    """Return a figure of the page's width with ``rows x columns`` axes, outside pyplot's figure manager.
+
+    Parameters
+    ----------
+    rows, columns
+        Number of axes.
+    height
+        Height of the whole figure (inch).
+    **subplots
+        Passed to `matplotlib.figure.Figure.subplots` (``sharex=True``, ...).
+
+    Returns
+    -------
+    Figure, ndarray of Axes
+        The array has the shape (rows, columns).
+    """
+    figure = Figure(figsize=(FULL_WIDTH, height), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, **subplots)
+    return figure, axes
+
+
+@styled
+def save_figure(figure: Figure, path: Any, *, dpi: float = 130.0) -> None:
+    """Write a figure with the look's settings; the same figure gives the same bytes (no time stamp).
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    path
+        File name; the ending (``.png``, ``.pdf``, ``.svg``) is the format.
+    dpi
+        Dots per inch of a PNG, and of anything rasterised in a vector file.
+    """
+    ending = str(path).rsplit(".", 1)[-1].lower()
+    stamps: dict[str, dict[str, Any]] = {
+        "pdf": {"CreationDate": None, "Producer": None, "Creator": None},
+        "svg": {"Date": None, "Creator": None},
+        "png": {"Software": None},
+    }
+    figure.savefig(path, dpi=dpi, metadata=stamps.get(ending))
+
+
+@styled
+def shared_legend(figure: Figure, axes: Any, *, columns: int = 4) -> None:
+    """Place one legend above all axes of a figure, each label once."""
+    entries: dict[str, Any] = {}
+    for ax in np.ravel(np.asarray(axes, dtype=object)):
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    if entries:
+        figure.legend(
+            list(entries.values()),
+            list(entries),
+            loc="outside upper center",
+            ncols=min(columns, len(entries)),
+        )
