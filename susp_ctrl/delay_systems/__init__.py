@@ -5,5 +5,14 @@ This room knows nothing of vehicles, roads or files.
 
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant, open_loop
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
+from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
 
-__all__ = ["DelayLTI", "FeedbackChannel", "close_loop", "loop_plant", "open_loop"]
+__all__ = [
+    "DelayLTI",
+    "FeedbackChannel",
+    "close_loop",
+    "loop_plant",
+    "open_loop",
+    "pade_approximation",
+    "pade_order",
+]

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import control
 import numpy as np
@@ -26,33 +26,18 @@ from control.lti import LTI
 from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.lft import (
-    ComplexArray,
-    FloatArray,
-    Realization,
-    lft_response,
-    sample_plant,
-)
+from susp_ctrl.delay_systems.folding import FoldedLoop, fold, refuse_neutral
+from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray, Realization, lft_response, sample_plant
+from susp_ctrl.delay_systems.python_control import PythonControlMethods
 from susp_ctrl.delay_systems.state_delays import state_delay_realization
-from susp_ctrl.errors import InputError, NeutralLoopError
+from susp_ctrl.errors import InputError
 
-# Closer to an eigenvalue of A than this (relative), P and H differ so much in size that forming H from P loses
-# digits; the closed matrix is then solved directly.
-_NEAR_POLE = 1e-3
-
-
-class FoldedLoop(NamedTuple):
-    """The loop as algorithms see it: unit gains, every delay positive, every channel at work."""
-
-    plant: Realization
-    delays: FloatArray
-
-    def exponentials(self, s: ComplexArray) -> ComplexArray:
-        """Return ``e^{-s tau_k}``, shape (*s.shape, channels)."""
-        return np.exp(-np.asarray(s)[..., None] * self.delays)
+# Near a pole of P that the loop moves, P22 is large and H comes from P by cancellation. Beyond this size (three
+# digits) the closed matrix is solved directly.
+_LARGE_RETURN = 1e3
 
 
-class DelayLTI(LTI):
+class DelayLTI(PythonControlMethods, LTI):
     r"""Linear time-invariant system with exact delays, closed around an ordinary plant.
 
     .. math:: H(s) = P_{11} + P_{12} E (I - P_{22} E)^{-1} P_{21},\quad E = \mathrm{diag}(g_k e^{-s\tau_k} I)
@@ -98,7 +83,11 @@ class DelayLTI(LTI):
     ) -> None:
         tau = validation.vector("delays", delays, at_least=0.0)
         g = np.ones(tau.size) if gains is None else validation.vector("gains", gains, size=tau.size)
-        blocks = [1] * tau.size if widths is None else [validation.integer("widths", w, at_least=0) for w in widths]
+        blocks = (
+            [1] * tau.size
+            if widths is None
+            else [validation.integer("widths", w, at_least=0) for w in widths]
+        )
         if len(blocks) != tau.size:
             raise InputError(f"widths has {len(blocks)} entries: one for each of {tau.size} delays is needed")
         channels = sum(blocks)
@@ -122,7 +111,7 @@ class DelayLTI(LTI):
             array.setflags(write=False)
         self._realization = realization
         self._delays, self._gains, self._widths = tau, g, tuple(blocks)
-        _refuse_neutral(self.folded)
+        refuse_neutral(self.folded)
 
     @classmethod
     def from_state_delays(
@@ -237,7 +226,8 @@ class DelayLTI(LTI):
 
     def exponentials(self, s: ArrayLike) -> ComplexArray:
         """Return ``g_k e^{-s tau_k}`` for every delayed signal, shape (*s.shape, channels)."""
-        return self.channel_gains * np.exp(-np.asarray(s, dtype=complex)[..., None] * self.channel_delays)
+        shift: ComplexArray = np.exp(-np.asarray(s, dtype=complex)[..., None] * self.channel_delays)
+        return self.channel_gains * shift
 
     def __call__(self, x: ArrayLike, squeeze: bool | None = None, warn_infinite: bool = True) -> Any:
         """Evaluate the transfer matrix at complex points, delays exact.
@@ -260,7 +250,9 @@ class DelayLTI(LTI):
         values = np.moveaxis(self._evaluate(points), 0, -1)
         if np.ndim(x) == 0:
             values = values[..., 0]
-        setting = control.config.defaults["control.squeeze_frequency_response"] if squeeze is None else squeeze
+        setting = (
+            control.config.defaults["control.squeeze_frequency_response"] if squeeze is None else squeeze
+        )
         if setting is True:
             return np.squeeze(values)
         if setting is None and self.issiso():
@@ -268,15 +260,14 @@ class DelayLTI(LTI):
         return values
 
     def _evaluate(self, s: ComplexArray) -> ComplexArray:
-        plant, _ = loop = self.folded
+        loop = self.folded
         E = loop.exponentials(s)
-        values = lft_response(sample_plant(plant, s), E)
-        poles = plant.eigenvalues
-        if poles.size:
-            gap = np.abs(s[:, None] - poles)
-            near = np.any(gap <= _NEAR_POLE * np.maximum(np.abs(s[:, None]), np.abs(poles)), axis=1)
-            if np.any(near):
-                values[near] = _evaluate_directly(plant, s[near], E[near])
+        P = sample_plant(loop.plant, s)
+        values = lft_response(P, E)
+        around_pairs = np.abs(P.p22 * np.swapaxes(P.p22, 1, 2)).max(axis=(1, 2), initial=0.0)
+        direct = ~(around_pairs < _LARGE_RETURN**2) | ~np.isfinite(values).all(axis=(1, 2))
+        if np.any(direct):
+            values[direct] = _evaluate_directly(loop.plant, s[direct], E[direct])
         return values
 
     def dcgain(self, warn_infinite: bool = False) -> Any:
@@ -296,67 +287,6 @@ class DelayLTI(LTI):
     __repr__ = __str__
 
 
-def fold(plant: Realization, gains: FloatArray, delays: FloatArray) -> FoldedLoop:
-    """Absorb the gains, drop channels without effect and close the channels without delay.
-
-    Raises
-    ------
-    InputError
-        The delay-free channels form an algebraic loop without a solution.
-    """
-    column = np.vstack([plant.B2, plant.D12, plant.D22]) * gains
-    at_work = np.any(column != 0.0, axis=0)
-    instant = at_work & (delays == 0.0)
-    kept = at_work & ~instant
-    B2, D12, D22 = plant.B2 * gains, plant.D12 * gains, plant.D22 * gains
-    if not np.any(instant):
-        closed = (plant.A, plant.B1, B2[:, kept], plant.C1, plant.C2[kept])
-        direct = (plant.D11, D12[:, kept], plant.D21[kept], D22[np.ix_(kept, kept)])
-        return FoldedLoop(Realization(*closed, *direct), delays[kept])
-    around = np.eye(int(instant.sum())) - D22[np.ix_(instant, instant)]
-    if np.linalg.cond(around) > 1e14:
-        raise InputError("the channels without delay form an algebraic loop with unit gain: it has no solution")
-    from_state = np.linalg.solve(around, plant.C2[instant])
-    from_input = np.linalg.solve(around, plant.D21[instant])
-    from_delayed = np.linalg.solve(around, D22[np.ix_(instant, kept)])
-    to_state, to_output, to_delayed = B2[:, instant], D12[:, instant], D22[np.ix_(kept, instant)]
-    return FoldedLoop(
-        Realization(
-            plant.A + to_state @ from_state,
-            plant.B1 + to_state @ from_input,
-            B2[:, kept] + to_state @ from_delayed,
-            plant.C1 + to_output @ from_state,
-            plant.C2[kept] + to_delayed @ from_state,
-            plant.D11 + to_output @ from_input,
-            D12[:, kept] + to_output @ from_delayed,
-            plant.D21[kept] + to_delayed @ from_input,
-            D22[np.ix_(kept, kept)] + to_delayed @ from_delayed,
-        ),
-        delays[kept],
-    )
-
-
-def _refuse_neutral(loop: FoldedLoop) -> None:
-    """Raise unless ``det(I - D22 E) = 1`` for all delays: no direct path leads around the loop.
-
-    The determinant is one for every E exactly when every cycle of D22 has zero weight, which random points of
-    the torus tell apart from any other polynomial in E.
-    """
-    D22 = loop.plant.D22
-    channels = D22.shape[0]
-    if not np.any(D22):
-        return
-    phases = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, (8, channels))
-    determinant = np.linalg.det(np.eye(channels) - D22 * np.exp(1j * phases)[:, None, :])
-    scale = np.linalg.det(np.eye(channels) + np.abs(D22)) if channels < 12 else 1.0 + np.abs(D22).sum()
-    if np.any(np.abs(determinant - 1.0) > 1e-12 * max(1.0, abs(scale))):
-        raise NeutralLoopError(
-            "the loop is neutral: a delayed signal feeds through directly around the loop (for example delayed "
-            "acceleration feedback), so no delay is too small to destabilise it; give the channel an "
-            "actuator_bandwidth, which makes it retarded"
-        )
-
-
 def _evaluate_directly(plant: Realization, s: ComplexArray, E: ComplexArray) -> ComplexArray:
     """Solve the closed loop's matrix itself: valid at poles of the open plant, slower."""
     Ez = E[:, None, :]
@@ -371,11 +301,9 @@ def _evaluate_directly(plant: Realization, s: ComplexArray, E: ComplexArray) -> 
         singular = np.linalg.cond(closed) > 1e15
         state = np.full(right_side.shape, np.inf + 0j)
         state[~singular] = np.linalg.solve(closed[~singular], right_side[~singular])
-    return (
-        (plant.C1 + (plant.D12 * Ez) @ delayed_from_state) @ state
-        + plant.D11
-        + (plant.D12 * Ez) @ delayed_from_input
-    )
+    to_output = plant.D12 * Ez
+    values: ComplexArray = (plant.C1 + to_output @ delayed_from_state) @ state
+    return values + plant.D11 + to_output @ delayed_from_input
 
 
 def _split(system: control.StateSpace, channels: int) -> Realization:
@@ -391,9 +319,7 @@ def _split(system: control.StateSpace, channels: int) -> Realization:
             f"at least {channels} of each, for the delayed signals, are needed"
         )
     B, C, D = (np.asarray(m, dtype=float) for m in (system.B, system.C, system.D))
-    return Realization(
-        system.A, B[:, :q], B[:, q:], C[:p], C[p:], D[:p, :q], D[:p, q:], D[p:, :q], D[p:, q:]
-    )
+    return Realization(system.A, B[:, :q], B[:, q:], C[:p], C[p:], D[:p, :q], D[:p, q:], D[p:, :q], D[p:, q:])
 
 
 def as_delay_lti(system: Any, name: str = "system") -> DelayLTI:
@@ -415,5 +341,9 @@ def as_delay_lti(system: Any, name: str = "system") -> DelayLTI:
         return DelayLTI(system, name=system.name)
     if isinstance(system, (int, float, np.number, np.ndarray, list, tuple)) and not isinstance(system, bool):
         D: NDArray[np.float64] = validation.matrix(name, system)
-        return DelayLTI(control.StateSpace(np.zeros((0, 0)), np.zeros((0, D.shape[1])), np.zeros((D.shape[0], 0)), D))
-    raise InputError(f"{name} is a {type(system).__name__}: a linear continuous-time system or a number is needed")
+        return DelayLTI(
+            control.StateSpace(np.zeros((0, 0)), np.zeros((0, D.shape[1])), np.zeros((D.shape[0], 0)), D)
+        )
+    raise InputError(
+        f"{name} is a {type(system).__name__}: a linear continuous-time system or a number is needed"
+    )
