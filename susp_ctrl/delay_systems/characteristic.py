@@ -1,0 +1,148 @@
+r"""The characteristic matrix of a loop with delays, entire in s.
+
+.. math:: K(s) = sI - A - B_2 E (I - D_{22} E)^{-1} C_2,  \qquad  E = \mathrm{diag}(e^{-s\tau_k})
+
+Its determinant is an entire function whose zeros, with their multiplicities, are the characteristic roots:
+also those that no delay moves, and those at poles of the undelayed plant, where ``det(I - P22 E)`` is of no use.
+`D22` has no cycle (the loop is retarded), so the inverse is a polynomial in E.
+
+References
+----------
+.. [1] W. Michiels, S.-I. Niculescu, "Stability, Control, and Computation for Time-Delay Systems", SIAM, 2014,
+   chapters 1 and 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+
+from susp_ctrl.delay_systems.delay_lti import FoldedLoop
+from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray
+from susp_ctrl.errors import InputError
+
+# e^{-s tau} beyond this has no digits left beside the other terms, and squares of it overflow.
+_LARGEST_EXPONENT = 300.0
+
+
+@dataclass(frozen=True, eq=False)
+class CharacteristicMatrix:
+    """K(s) of a folded loop, with bounds that hold entry by entry."""
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    delays: FloatArray
+
+    @classmethod
+    def of(cls, loop: FoldedLoop) -> CharacteristicMatrix:
+        """Take K(s) from a folded loop, its states scaled to even magnitudes (the roots stay)."""
+        plant = loop.plant
+        if plant.n_states == 0:
+            return cls(plant.A, plant.B2, plant.C2, plant.D22, loop.delays)
+        magnitudes = np.abs(plant.A) + np.abs(plant.B2) @ np.abs(plant.C2)
+        _, (scale, _) = scipy.linalg.matrix_balance(magnitudes, permute=False, separate=True)
+        return cls(
+            plant.A * scale / scale[:, None], plant.B2 / scale[:, None], plant.C2 * scale, plant.D22, loop.delays
+        )
+
+    @property
+    def n_states(self) -> int:
+        """Order of K."""
+        return self.A.shape[0]
+
+    @property
+    def n_channels(self) -> int:
+        """Number of delayed signals."""
+        return self.delays.size
+
+    def shifted(self, line: float) -> CharacteristicMatrix:
+        """Return K(s + line): roots right of `line` become roots in the right half plane."""
+        if line == 0.0:
+            return self
+        exponent = -line * self.delays
+        if np.any(exponent > _LARGEST_EXPONENT):
+            raise InputError(
+                f"right_of = {line:g} is not allowed: with a delay of {self.delays.max():g} s at least "
+                f"{-_LARGEST_EXPONENT / self.delays.max():.3g} is needed"
+            )
+        growth = np.exp(exponent)
+        return CharacteristicMatrix(
+            self.A - line * np.eye(self.n_states), self.B * growth, self.C, self.D * growth, self.delays
+        )
+
+    def closed(self, s: ComplexArray) -> ComplexArray:
+        """Return ``A + B2 E (I - D22 E)^-1 C2`` at points s, shape (points, states, states)."""
+        E = np.exp(-np.asarray(s, dtype=complex)[:, None] * self.delays)
+        return self.A + (self.B * E[:, None, :]) @ self._after_line(E)
+
+    def __call__(self, s: ComplexArray) -> ComplexArray:
+        """Return K at points s, shape (points, states, states)."""
+        return np.asarray(s, dtype=complex)[:, None, None] * np.eye(self.n_states) - self.closed(s)
+
+    def with_derivative(self, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return K and dK/ds at points s."""
+        points = np.asarray(s, dtype=complex)
+        E = np.exp(-points[:, None] * self.delays)
+        from_state = self._after_line(E)
+        into_state = self.B * E[:, None, :]
+        identity = np.eye(self.n_states)
+        K = points[:, None, None] * identity - self.A - into_state @ from_state
+        if np.any(self.D):
+            # (I - E D)^-1 from the right: solved through the transposed system
+            around = np.eye(self.n_channels) - np.swapaxes(self.D * E[:, None, :], 1, 2)
+            passed = np.broadcast_to(self.B.T, (points.size, *self.B.T.shape))
+            into_state = np.swapaxes(np.linalg.solve(around, passed), 1, 2) * E[:, None, :]
+        return K, identity + (into_state * self.delays) @ from_state
+
+    def _after_line(self, E: ComplexArray) -> ComplexArray:
+        """(I - D22 E)^-1 C2: from the state to the signals that enter the delays."""
+        if not np.any(self.D):
+            return np.broadcast_to(self.C.astype(complex), (E.shape[0], *self.C.shape))
+        around = np.eye(self.n_channels) - self.D * E[:, None, :]
+        return np.linalg.solve(around, np.broadcast_to(self.C, (E.shape[0], *self.C.shape)))
+
+    @cached_property
+    def absolute_parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """``|A|``, ``|B2| Q`` and ``Q |C2|`` with ``Q = (I - |D22|)^-1 >= |(I - D22 E)^-1|`` for all |E| <= 1."""
+        Q = np.eye(self.n_channels)
+        power = np.abs(self.D)
+        for _ in range(self.n_channels - 1):  # nilpotent: the series ends
+            Q = Q + power
+            power = power @ np.abs(self.D)
+        return np.abs(self.A), np.abs(self.B) @ Q, Q @ np.abs(self.C)
+
+    @cached_property
+    def root_bound(self) -> float:
+        r"""Largest modulus that a root with non-negative real part can have.
+
+        Such a root is an eigenvalue of ``A + B2 E (I - D22 E)^-1 C2`` with :math:`|E| \le 1`, a matrix whose
+        entries are bounded by those of a non-negative one; the latter's spectral radius bounds the root. The bound
+        is taken in the given basis and in the Schur basis of A, where it is sharp for small gains.
+        """
+        if self.n_states == 0:
+            return 0.0
+        A, B, C = self.absolute_parts
+        T, U = scipy.linalg.schur(self.A, output="complex")
+        Q = np.linalg.solve(np.eye(self.n_channels) - np.abs(self.D), np.eye(self.n_channels))
+        in_schur_basis = np.abs(np.triu(T)) + np.abs(U.conj().T @ self.B) @ Q @ np.abs(self.C @ U)
+        given = A + np.abs(self.B) @ C
+        return min(_spectral_radius_bound(given), _spectral_radius_bound(in_schur_basis))
+
+
+def _spectral_radius_bound(M: FloatArray) -> float:
+    """Return a number not below the spectral radius of a non-negative matrix, within about one percent of it."""
+    n = M.shape[0]
+    candidate = 1.01 * float(np.max(np.abs(np.linalg.eigvals(M)))) + 1e-6 * float(np.linalg.norm(M) / n)
+    if candidate == 0.0:
+        return 0.0
+    while True:
+        # x > 0 with M x < candidate x certifies the bound (Collatz and Wielandt)
+        x = np.linalg.solve(candidate * np.eye(n) - M, np.ones(n))
+        if np.all(x > 0) and np.all(M @ x < candidate * x):
+            return candidate
+        candidate *= 1.1
