@@ -1,0 +1,236 @@
+"""The command line ``susp-ctrl``: arguments, progress, exit codes.
+
+Exit status: 0 done, 1 the result could not be written, 2 bad input, 3 a stability verdict is undecided. Nothing
+numerical is imported before a command runs, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from susp_ctrl import __version__
+from susp_ctrl.errors import InputError, UndecidedStabilityWarning
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from susp_ctrl.study.result import StudyRun
+
+WRITE_FAILED, BAD_INPUT, UNDECIDED, INTERRUPTED = 1, 2, 3, 130
+
+app = typer.Typer(
+    name="susp-ctrl",
+    help="Linear systems under delayed feedback: exact responses, stability verdicts, tuning, ride reports.",
+    epilog="Exit status: 0 done, 1 could not write, 2 bad input, 3 a stability verdict is undecided.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
+Progress = Callable[[str, float], None]
+
+
+def main() -> None:
+    """Run the command line."""
+    app()
+
+
+@app.callback(invoke_without_command=True)
+def _options(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        print(f"susp-ctrl {__version__}")
+        raise typer.Exit()
+
+
+@app.command(epilog="Example: susp-ctrl run studies/wu_ren_2020.toml --out reports/wu_ren_2020")
+def run(
+    study: StudyFile,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the report. [default: out/NAME-OF-THE-STUDY]", show_default=False),
+    ] = None,
+) -> None:
+    """Run a whole study and write its report: PDF, CSV tables, figures."""
+    with _one_line_errors():
+        import susp_ctrl as sc
+
+        settings = sc.load_study(study)
+        with _progress() as progress:
+            result = sc.run_study(settings, progress=progress)
+            progress("writing the report", 1.0)
+            written = result.save(Path("out") / study.stem if out is None else out)
+        for path in written:
+            print(path)
+        print()
+        for line in result.summary:
+            print(line)
+        _leave(result.data)
+
+
+@app.command("list", epilog="Example: susp-ctrl list studies")
+def list_studies(
+    folder: Annotated[Path, typer.Argument(help="Folder with study files.")] = Path("studies"),
+) -> None:
+    """List the study files of a folder with their titles."""
+    with _one_line_errors():
+        import susp_ctrl as sc
+
+        if not folder.is_dir():
+            raise InputError(f"folder = {str(folder)!r} is not allowed: there is no such folder")
+        files = sorted(folder.glob("*.toml"))
+        if not files:
+            raise InputError(f"folder = {str(folder)!r} is not allowed: it holds no study file (*.toml)")
+        width = max(len(str(path)) for path in files)
+        for path in files:
+            try:
+                title = sc.load_study(path).title
+            except InputError as error:
+                title = f"(not valid: {error})"
+            print(f"{path!s:<{width}}  {title}")
+
+
+@app.command(epilog="Example: susp-ctrl check studies/wu_ren_2020.toml")
+def check(study: StudyFile) -> None:
+    """Check a study file without running it."""
+    with _one_line_errors():
+        import susp_ctrl as sc
+
+        settings = sc.load_study(study)
+        print(f"{study}: valid. {settings.title}")
+
+
+@app.command(epilog="Example: susp-ctrl stability studies/wu_ren_2020.toml")
+def stability(study: StudyFile, as_json: AsJson = False) -> None:
+    """Give a stability verdict on every design of a study, by three methods that must agree."""
+    data = _compute(study, "stability")
+    assert data.stability is not None
+    columns = ["design", "verdict", "abscissa", "unstable_roots", "delay_independent", "agreement"]
+    _print({"verdicts": data.stability.verdicts[columns], "rightmost roots": data.stability.roots}, as_json)
+    _leave(data)
+
+
+@app.command("sweep-delays", epilog="Example: susp-ctrl sweep-delays studies/wu_ren_2020.toml")
+def sweep_delays(study: StudyFile, as_json: AsJson = False) -> None:
+    """Find all delays at which roots cross the imaginary axis, and the stable intervals between them."""
+    import pandas as pd
+
+    data = _compute(study, "stability")
+    assert data.stability is not None
+    crossings, intervals = [], []
+    for line in data.stability.lines:
+        key = {"design": line.design, "line": line.line}
+        crossings.append(line.crossings.assign(**key))
+        intervals.append(line.intervals.assign(**key, delay_margin=line.delay_margin, proven=line.proven))
+    ordered = ["design", "line"]
+    tables = {
+        name: (table := pd.concat(parts, ignore_index=True))[
+            [*ordered, *(c for c in table.columns if c not in ordered)]
+        ]
+        for name, parts in (("crossings", crossings), ("intervals", intervals))
+        if parts
+    }
+    _print(tables, as_json)
+    _leave(data)
+
+
+@app.command("compare-pade", epilog="Example: susp-ctrl compare-pade studies/wu_ren_2020.toml --json")
+def compare_pade(study: StudyFile, as_json: AsJson = False) -> None:
+    """Show the error of Padé approximations of several orders against the exact delays."""
+    data = _compute(study, "pade")
+    _print({case.design: case.table for case in data.pade}, as_json)
+    _leave(data)
+
+
+@app.command(epilog="Example: susp-ctrl tune studies/wu_ren_2020.toml --seed 3")
+def tune(
+    study: StudyFile,
+    seed: Annotated[int | None, typer.Option(help="Seed instead of the study's own.", min=0)] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Search gains and delays by particle swarm; only designs proven stable are returned."""
+    data = _compute(study, "tuning", seed=seed)
+    tables: dict[str, pd.DataFrame] = {}
+    for search in data.tuning:
+        tables[f"{search.label}: {search.objective_text}"] = search.bounds
+        tables[f"{search.label}: objective"] = search.comparison
+    _print(tables, as_json)
+    _leave(data)
+
+
+def _compute(path: Path, section: str, *, seed: int | None = None) -> StudyRun:
+    with _one_line_errors():
+        import susp_ctrl as sc
+        from susp_ctrl.study import compute_study
+
+        settings = sc.load_study(path)
+        if seed is not None:
+            settings = settings.with_seed(seed)
+        with _progress() as progress:
+            data = compute_study(settings, progress=progress, sections=(section,))
+        if not getattr(data, section):
+            raise InputError(f"{path}: {section} is not allowed here: the study file has no such section")
+        return data
+
+
+def _leave(data: StudyRun) -> None:
+    if data.undecided:
+        print("susp-ctrl: the stability of at least one design is undecided", file=sys.stderr)
+        raise typer.Exit(UNDECIDED)
+
+
+@contextmanager
+def _one_line_errors() -> Iterator[None]:
+    """Turn what a user can mend into one line and an exit status; show warnings as one line each."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("once", UndecidedStabilityWarning)
+        warnings.showwarning = lambda message, *_, **__: print(f"susp-ctrl: {message}", file=sys.stderr)
+        try:
+            yield
+        except InputError as error:
+            print(f"susp-ctrl: {error}", file=sys.stderr)
+            raise typer.Exit(BAD_INPUT) from None
+        except OSError as error:
+            print(f"susp-ctrl: {error}", file=sys.stderr)
+            raise typer.Exit(WRITE_FAILED) from None
+        except KeyboardInterrupt:
+            print("susp-ctrl: interrupted; nothing was written", file=sys.stderr)
+            raise typer.Exit(INTERRUPTED) from None
+
+
+@contextmanager
+def _progress() -> Iterator[Progress]:
+    """Show stages and the time left on a terminal, nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield lambda stage, fraction: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bars
+
+    columns = [TextColumn("{task.description:<32}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()]
+    with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
+        task = bars.add_task("starting", total=1.0)
+        yield lambda stage, fraction: bars.update(task, description=stage, completed=fraction)
+
+
+def _print(tables: dict[str, pd.DataFrame], as_json: bool) -> None:
+    if as_json:
+        import json
+
+        records: dict[str, Any] = {
+            name: json.loads(table.to_json(orient="records", double_precision=15))
+            for name, table in tables.items()
+        }
+        print(json.dumps(records, indent=1, ensure_ascii=False))
+        return
+    for name, table in tables.items():
+        print(f"{name}\n{table.to_string(index=False, float_format=lambda v: f'{v:.6g}')}\n")
