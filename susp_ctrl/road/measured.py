@@ -1,0 +1,213 @@
+"""A measured road: elevation over distance, from arrays or a CSV file."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import welch
+
+from susp_ctrl import validation
+from susp_ctrl.errors import InputError
+from susp_ctrl.road.iso8608 import REFERENCE_WAVENUMBER, Iso8608Spectrum
+from susp_ctrl.road.signals import Road, RoadSignal
+
+FloatArray = NDArray[np.float64]
+
+_INTERPOLATIONS = ("cubic", "linear")
+_SEGMENTS = 8  # of the Welch estimate, before overlap
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredRoad(Road):
+    """Measured profile z(x) met at constant speed: x_g(t) = z(v t) - z(0).
+
+    The record starts under the wheel at t = lag. Its first elevation is the datum, so that the road begins
+    without a step; before the record the road is flat, after it the last elevation is kept.
+
+    Parameters
+    ----------
+    distance : array_like
+        Increasing distances (m), at least 4; the first is where the wheel starts.
+    elevation : array_like
+        Elevations (m).
+    speed : float
+        v (m/s).
+    interpolation : {"cubic", "linear"}
+        Between the samples: a cubic spline, or straight lines with a kink at every sample.
+
+    Raises
+    ------
+    InputError
+        If the arrays do not fit, are not finite, or the distance does not increase.
+    """
+
+    distance: ArrayLike
+    elevation: ArrayLike
+    speed: float
+    interpolation: str = "cubic"
+    samples: tuple[FloatArray, FloatArray] = field(init=False, repr=False)
+    _spline: CubicSpline | None = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        def keep(name: str, value: object) -> None:
+            object.__setattr__(self, name, value)
+
+        keep("speed", validation.number("speed", self.speed, above=0.0))
+        keep("interpolation", validation.one_of("interpolation", self.interpolation, _INTERPOLATIONS))
+        distance = validation.increasing("distance", self.distance)
+        elevation = validation.vector("elevation", self.elevation, size=distance.size)
+        if distance.size < 4:
+            raise InputError(f"distance has {distance.size} values: at least 4 are needed")
+        samples = (distance - distance[0], elevation - elevation[0])
+        keep("samples", samples)
+        keep("_spline", CubicSpline(*samples) if self.interpolation == "cubic" else None)
+
+    @classmethod
+    def from_csv(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        speed: float,
+        distance: str = "distance",
+        elevation: str = "elevation",
+        interpolation: str = "cubic",
+    ) -> Self:
+        """Read a profile from a CSV file with a header line; lines that start with # are skipped.
+
+        Parameters
+        ----------
+        path : path
+        speed : float
+            v (m/s).
+        distance, elevation : str
+            Names of the two columns (m).
+        interpolation : {"cubic", "linear"}
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, a column is missing or holds anything but numbers, or as the class
+            itself.
+        """
+        import pandas as pd  # here only: roads without a file need no pandas
+
+        file = Path(path)
+        try:
+            table = pd.read_csv(file, comment="#", skipinitialspace=True)
+        except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+            raise InputError(f"road file {file} cannot be read: {error}") from None
+        columns = []
+        for name in (distance, elevation):
+            validation.one_of(f"column of {file}", name, [str(column) for column in table.columns])
+            numbers = pd.to_numeric(table[name], errors="coerce")
+            if numbers.isna().any():
+                row = int(np.flatnonzero(numbers.isna())[0])
+                raise InputError(
+                    f"road file {file}: {name} = {table[name].iloc[row]!r} in data row {row + 1} "
+                    "is not allowed: a number is needed"
+                )
+            columns.append(numbers.to_numpy(dtype=float))
+        try:
+            return cls(distance=columns[0], elevation=columns[1], speed=speed, interpolation=interpolation)
+        except InputError as error:
+            raise InputError(f"road file {file}: {error}") from None
+
+    @property
+    def length(self) -> float:
+        """Length of the record (m)."""
+        return float(self.samples[0][-1])
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Angular frequencies (rad/s) that the PSD estimate resolves at this speed."""
+        n, _ = self._welch()
+        return 2 * np.pi * self.speed * float(n[0]), 2 * np.pi * self.speed * float(n[-1])
+
+    def signal(self, lag: float = 0.0) -> RoadSignal:
+        """Return the elevation under a wheel that meets the record `lag` seconds later."""
+        lag = validation.number("lag", lag, at_least=0.0)
+        x = self.samples[0]
+        knots = x[[0, -1]] if self._spline is not None else x
+        return RoadSignal(
+            self._elevation,
+            lag=lag,
+            breakpoints=tuple((lag + knots / self.speed).tolist()),
+            bandwidth=float(np.pi * self.speed / np.min(np.diff(x))),
+        )
+
+    def _elevation(self, t: FloatArray) -> FloatArray:
+        x, z = self.samples
+        place = np.clip(self.speed * t, 0.0, x[-1])
+        return np.interp(place, x, z) if self._spline is None else np.asarray(self._spline(place))
+
+    def _welch(self) -> tuple[FloatArray, FloatArray]:
+        """Return wavenumbers (cycle/m, without 0) and the one-sided PSD (m3) of the evenly resampled record."""
+        x, z = self.samples
+        count = x.size
+        even = np.linspace(0.0, x[-1], count)
+        n, density = welch(
+            np.interp(even, x, z),
+            fs=1.0 / even[1],
+            window="hann",
+            nperseg=max(4, 2 * count // (_SEGMENTS + 1)),
+            detrend="constant",
+        )
+        return n[1:], density[1:]
+
+    def spatial_psd(self, n: ArrayLike) -> FloatArray:
+        """Return Welch's estimate of the one-sided displacement PSD (m3) at n (cycle/m), zero off its band."""
+        known, density = self._welch()
+        n = np.asarray(n, dtype=float)
+        # interpolated in log-log, where road spectra are straight
+        tiny = np.finfo(float).tiny
+        logs = np.interp(np.log(np.maximum(n, tiny)), np.log(known), np.log(np.maximum(density, tiny)))
+        return np.where((n >= known[0] * (1 - 1e-12)) & (n <= known[-1] * (1 + 1e-12)), np.exp(logs), 0.0)
+
+    def psd(self, omega: ArrayLike) -> FloatArray:
+        """Return Welch's estimate of the one-sided displacement PSD (m2/(rad/s)) at omega (rad/s)."""
+        per_wavenumber = 2 * np.pi * self.speed
+        return self.spatial_psd(np.asarray(omega, dtype=float) / per_wavenumber) / per_wavenumber
+
+    def rms(self) -> float:
+        """Return the RMS elevation (m) about the mean of the record, by distance."""
+        x, z = self.samples
+        mean = np.trapezoid(z, x) / x[-1]
+        return float(np.sqrt(np.trapezoid((z - mean) ** 2, x) / x[-1]))
+
+    def fit_iso8608(self, n_min: float = 0.011, n_max: float = 2.83) -> Iso8608Spectrum:
+        """Return the straight line G_d(n0) (n/n0)^-w that fits the estimated PSD in log-log (least squares).
+
+        The estimate is first averaged in third-octave bands, so that every octave of the band weighs alike.
+
+        Raises
+        ------
+        InputError
+            If fewer than three bands hold an estimate.
+        """
+        wanted = Iso8608Spectrum(g_d=1.0, n_min=n_min, n_max=n_max)
+        n, density = self._welch()
+        inside = (n >= wanted.n_min) & (n <= wanted.n_max) & (density > 0)
+        n, density = n[inside], density[inside]
+        band = np.floor(3 * np.log2(n / wanted.n_min)).astype(int)
+        held = np.unique(band)
+        if held.size < 3:
+            raise InputError(
+                f"n_min = {wanted.n_min:g}, n_max = {wanted.n_max:g} is not allowed: "
+                "the record has too few estimates there"
+            )
+        logs = np.array(
+            [
+                [np.log(n[band == k] / REFERENCE_WAVENUMBER).mean(), np.log(density[band == k].mean())]
+                for k in held
+            ]
+        )
+        slope, level = np.polyfit(logs[:, 0], logs[:, 1], 1)
+        return Iso8608Spectrum(
+            g_d=float(np.exp(level)), waviness=float(-slope), n_min=wanted.n_min, n_max=wanted.n_max
+        )

@@ -1,0 +1,108 @@
+"""What a road hands to a simulation: one callable per wheel that knows its own kinks and spectrum."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from susp_ctrl import validation
+from susp_ctrl.errors import InputError
+
+FloatArray = NDArray[np.float64]
+Lines = tuple[FloatArray, FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class RoadSignal:
+    """Road elevation under one wheel as a function of time (s -> m).
+
+    Attributes
+    ----------
+    elevation : callable
+        The road at lag zero: array of times to array of elevations, evaluated as a whole.
+    lag : float
+        Time (s) after which this wheel meets that road.
+    breakpoints : tuple of float
+        Times at which the signal or one of its first two derivatives jumps.
+    bandwidth : float or None
+        Highest angular frequency (rad/s) of its content; None where it has no such limit.
+    sines : (omegas, amplitudes, phases) or None
+        Given where the signal equals sum a_i sin(omega_i t + phi_i) for every t (rad/s, m, rad).
+    """
+
+    elevation: Callable[[FloatArray], FloatArray]
+    lag: float = 0.0
+    breakpoints: tuple[float, ...] = ()
+    bandwidth: float | None = None
+    sines: Lines | None = None
+
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        """Return the elevation (m) at the times t (s), of any shape."""
+        return self.elevation(np.asarray(t, dtype=float) - self.lag)
+
+
+class Road(ABC):
+    """Base of all roads: the profile and the signals of several wheels follow from one `signal`."""
+
+    @abstractmethod
+    def signal(self, lag: float = 0.0) -> RoadSignal:
+        """Return the elevation under a wheel that meets the road `lag` seconds later."""
+
+    def profile(self, timepts: ArrayLike, lag: float = 0.0) -> FloatArray:
+        """Return the road elevation x_g(t - lag).
+
+        Parameters
+        ----------
+        timepts : array_like
+            Times t (s), of any shape.
+        lag : float
+            Delay of this wheel (s), at least 0.
+
+        Returns
+        -------
+        ndarray
+            Elevation (m), of the shape of `timepts`.
+
+        Raises
+        ------
+        InputError
+            If a time is not finite, or the lag is negative.
+        """
+        try:
+            times = np.asarray(timepts, dtype=float)
+        except (TypeError, ValueError):
+            raise InputError(f"timepts = {timepts!r} is not allowed: numbers are needed") from None
+        if not np.all(np.isfinite(times)):
+            raise InputError("timepts is not allowed: finite numbers are needed")
+        return self.signal(lag)(times)
+
+    def inputs(self, lags: Mapping[str, float]) -> dict[str, RoadSignal]:
+        """Return one signal per road input of a plant.
+
+        Parameters
+        ----------
+        lags : mapping of input name to seconds
+            For instance ``{"road_front": 0.0, "road_rear": car.axle_lag(20.0)}``.
+
+        Returns
+        -------
+        dict of str to RoadSignal
+            Callables t -> elevation (m) that carry their breakpoints.
+
+        Raises
+        ------
+        InputError
+            If no input is named, or a lag is negative.
+        """
+        return {name: self.signal(lag) for name, lag in checked_lags(lags).items()}
+
+
+def checked_lags(lags: Mapping[str, float]) -> dict[str, float]:
+    """Return the lags as floats by input name, at least one of them."""
+    if not isinstance(lags, Mapping) or not lags:
+        raise InputError(f"lags = {lags!r} is not allowed: a mapping of road input to seconds is needed")
+    return {name: validation.number(f"lags[{name!r}]", lag, at_least=0.0) for name, lag in lags.items()}
