@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from susp_ctrl.delay_systems import FeedbackChannel
-    from susp_ctrl.study.schema import Study
+    from susp_ctrl.study.study_file import Study
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
