@@ -3,6 +3,7 @@
 This room knows nothing of vehicles, roads or files.
 """
 
+from susp_ctrl.delay_systems.algebra import append, delay, feedback, parallel, series
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant, open_loop
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
@@ -10,9 +11,14 @@ from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
 __all__ = [
     "DelayLTI",
     "FeedbackChannel",
+    "append",
     "close_loop",
+    "delay",
+    "feedback",
     "loop_plant",
     "open_loop",
     "pade_approximation",
     "pade_order",
+    "parallel",
+    "series",
 ]

@@ -28,8 +28,10 @@ from numpy.typing import ArrayLike, NDArray
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.folding import FoldedLoop, fold, refuse_neutral
 from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray, Realization, lft_response, sample_plant
+from susp_ctrl.delay_systems.operators import DelayOperators
 from susp_ctrl.delay_systems.python_control import PythonControlMethods
 from susp_ctrl.delay_systems.state_delays import state_delay_realization
+from susp_ctrl.delay_systems.transfer_functions import state_space_of
 from susp_ctrl.errors import InputError
 
 # Near a pole of P that the loop moves, P22 is large and H comes from P by cancellation. Beyond this size (three
@@ -37,7 +39,7 @@ from susp_ctrl.errors import InputError
 _LARGE_RETURN = 1e3
 
 
-class DelayLTI(PythonControlMethods, LTI):
+class DelayLTI(DelayOperators, PythonControlMethods, LTI):
     r"""Linear time-invariant system with exact delays, closed around an ordinary plant.
 
     .. math:: H(s) = P_{11} + P_{12} E (I - P_{22} E)^{-1} P_{21},\quad E = \mathrm{diag}(g_k e^{-s\tau_k} I)
@@ -209,6 +211,10 @@ class DelayLTI(PythonControlMethods, LTI):
         """Return the same system with other gains, one for each of `gains`."""
         return self._with(gains=validation.vector("gains", gains, size=self._gains.size))
 
+    def with_names(self, **names: Any) -> DelayLTI:
+        """Return the same system with other ``inputs``, ``outputs``, ``states`` or ``name``."""
+        return self._with(**names)
+
     @cached_property
     def channel_delays(self) -> FloatArray:
         """Delay of every delayed signal (blocks spread out), shape (channels,)."""
@@ -333,13 +339,11 @@ def as_delay_lti(system: Any, name: str = "system") -> DelayLTI:
     if isinstance(system, DelayLTI):
         return system
     if isinstance(system, control.TransferFunction):
-        if system.dt not in (0, None):
-            raise InputError(f"{name} has dt = {system.dt}: only continuous time (dt = 0) is possible")
-        labels = {"inputs": system.input_labels, "outputs": system.output_labels, "name": system.name}
-        return DelayLTI(control.ss(system), **labels)
+        return DelayLTI(state_space_of(system, name), name=system.name)
     if isinstance(system, control.StateSpace):
         return DelayLTI(system, name=system.name)
-    if isinstance(system, (int, float, np.number, np.ndarray, list, tuple)) and not isinstance(system, bool):
+    number_like = isinstance(system, (int, float, np.number, np.ndarray, list, tuple))
+    if number_like and not isinstance(system, bool) and not np.iscomplexobj(system):
         D: NDArray[np.float64] = validation.matrix(name, system)
         return DelayLTI(
             control.StateSpace(np.zeros((0, 0)), np.zeros((0, D.shape[1])), np.zeros((D.shape[0], 0)), D)

@@ -79,7 +79,7 @@ def test_cascade_is_lossless(order):
     scale = np.abs(A).max()
     assert np.abs(A + A.T + np.outer(B, B)).max() < 1e-14 * scale
     assert np.abs(np.abs(C) - np.abs(B)).max() < 1e-14 * scale
-    assert D == (-1.0) ** order
+    assert (-1.0) ** order == D
 
 
 @pytest.mark.analytical

@@ -1,0 +1,56 @@
+"""Transfer functions as state-space systems, several inputs and outputs included."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+
+from susp_ctrl.errors import InputError
+
+
+def state_space_of(system: control.TransferFunction, name: str = "system") -> control.StateSpace:
+    """Return a state-space realisation of a continuous-time transfer function or matrix of them.
+
+    Each entry of a matrix is realised by itself (python-control needs Slycot for a joint realisation), so the
+    result can have more states than the least possible; its response is the same.
+
+    Parameters
+    ----------
+    system : control.TransferFunction
+        Proper in every entry.
+    name : str, optional
+        Name of the argument in error messages.
+
+    Returns
+    -------
+    control.StateSpace
+
+    Raises
+    ------
+    InputError
+        Discrete time, or an entry with more zeros than poles.
+    """
+    if system.dt not in (0, None):
+        raise InputError(f"{name} has dt = {system.dt}: only continuous time (dt = 0) is possible")
+    A, B = np.zeros((0, 0)), np.zeros((0, system.ninputs))
+    C, D = np.zeros((system.noutputs, 0)), np.zeros((system.noutputs, system.ninputs))
+    for i in range(system.noutputs):
+        for j in range(system.ninputs):
+            num, den = (np.trim_zeros(np.atleast_1d(c[i][j]), "f") for c in (system.num, system.den))
+            if num.size > den.size:
+                raise InputError(
+                    f"{name} is improper from input {j} to output {i} (degree {num.size - 1} over "
+                    f"{den.size - 1}): a proper transfer function is needed"
+                )
+            if num.size == 0:
+                continue
+            entry = control.ss(control.tf(num, den))
+            n, total = entry.nstates, A.shape[0]
+            A = np.block([[A, np.zeros((total, n))], [np.zeros((n, total)), entry.A]])
+            column, row = np.zeros((n, system.ninputs)), np.zeros((system.noutputs, n))
+            column[:, [j]], row[[i]] = entry.B, entry.C
+            B, C = np.vstack([B, column]), np.hstack([C, row])
+            D[i, j] = entry.D[0, 0]
+    return control.StateSpace(
+        A, B, C, D, inputs=system.input_labels, outputs=system.output_labels, name=system.name
+    )
