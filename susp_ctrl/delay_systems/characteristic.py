@@ -40,15 +40,19 @@ class CharacteristicMatrix:
 
     @classmethod
     def of(cls, loop: FoldedLoop) -> CharacteristicMatrix:
-        """Take K(s) from a folded loop, its states scaled to even magnitudes (the roots stay)."""
+        """Take K(s) from a folded loop: states scaled to even magnitudes, signals that lead nowhere dropped.
+
+        A delayed signal that no path leads back to is in no loop and moves no root.
+        """
         plant = loop.plant
         if plant.n_states == 0:
-            return cls(plant.A, plant.B2, plant.C2, plant.D22, loop.delays)
-        magnitudes = np.abs(plant.A) + np.abs(plant.B2) @ np.abs(plant.C2)
+            none = np.zeros((0, 0))
+            return cls(plant.A, none, none, none, np.zeros(0))
+        looped = _in_a_loop(plant.A, plant.B2, plant.C2, plant.D22)
+        B, C, D = plant.B2[:, looped], plant.C2[looped], plant.D22[np.ix_(looped, looped)]
+        magnitudes = np.abs(plant.A) + np.abs(B) @ np.abs(C)
         _, (scale, _) = scipy.linalg.matrix_balance(magnitudes, permute=False, separate=True)
-        return cls(
-            plant.A * scale / scale[:, None], plant.B2 / scale[:, None], plant.C2 * scale, plant.D22, loop.delays
-        )
+        return cls(plant.A * scale / scale[:, None], B / scale[:, None], C * scale, D, loop.delays[looped])
 
     @property
     def n_states(self) -> int:
@@ -132,6 +136,16 @@ class CharacteristicMatrix:
         in_schur_basis = np.abs(np.triu(T)) + np.abs(U.conj().T @ self.B) @ Q @ np.abs(self.C @ U)
         given = A + np.abs(self.B) @ C
         return min(_spectral_radius_bound(given), _spectral_radius_bound(in_schur_basis))
+
+
+def _in_a_loop(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray) -> np.ndarray:
+    """Tell which delayed signals a chain of non-zero entries leads back to."""
+    reach = np.block([[A, B], [C, D]]) != 0.0
+    size = 1
+    while size < reach.shape[0]:
+        reach = reach | (reach.astype(np.float32) @ reach.astype(np.float32) > 0.0)
+        size *= 2
+    return np.asarray(np.diag(reach)[A.shape[0] :])
 
 
 def _spectral_radius_bound(M: FloatArray) -> float:

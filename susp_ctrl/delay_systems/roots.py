@@ -1,0 +1,293 @@
+r"""Characteristic roots of a loop with delays: the rightmost ones, or all right of a line.
+
+1. The delayed signals are discretised (`susp_ctrl.delay_systems.discretization`); the eigenvalues of the
+   resulting matrix approximate the roots nearest to the origin and rightmost.
+2. Newton on the exact characteristic matrix corrects them; spurious ones are dropped and multiple ones told apart
+   (`susp_ctrl.delay_systems.root_refinement`).
+3. The number of roots found right of a line is compared with the count of the argument principle there; the
+   order is raised until both are equal.
+
+All roots right of a line lie in a known disc [1]_, which gives the first order to try.
+
+References
+----------
+.. [1] Z. Wu, W. Michiels, "Reliably computing all characteristic roots of delay differential equations in a
+   given right half plane using a spectral method", J. Comput. Appl. Math. 236(9), 2012.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from susp_ctrl import validation
+from susp_ctrl.delay_systems.argument_principle import ContourError, count_right_of
+from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.delay_lti import as_delay_lti
+from susp_ctrl.delay_systems.discretization import discretized_matrix
+from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.root_refinement import RefinedRoots, refine
+from susp_ctrl.errors import InputError
+
+# Largest matrix whose eigenvalues are computed (about a second), and most roots that may be asked for.
+_LARGEST_SIZE = 1200
+_MOST_ROOTS = 1000
+_ATTEMPTS = 6
+
+
+class RootSet(NamedTuple):
+    """Roots by descending real part, both of each pair, with what is known about them.
+
+    `residuals` are the last Newton steps, `uncertainties` bound the motion of each root under rounding of the
+    data, `complete` tells whether the argument principle confirms that none is missing (None: not asked).
+    """
+
+    roots: ComplexArray
+    residuals: FloatArray
+    uncertainties: FloatArray
+    complete: bool | None
+    size: int
+
+    def first(self, number: int) -> RootSet:
+        """Keep the first roots only."""
+        return self._replace(
+            roots=self.roots[:number],
+            residuals=self.residuals[:number],
+            uncertainties=self.uncertainties[:number],
+        )
+
+
+def characteristic_roots(sys: Any, count: int | None = None, *, right_of: float | None = None) -> ComplexArray:
+    r"""Return the rightmost characteristic roots, or all roots right of a line.
+
+    The roots are the zeros of :math:`\det(sI - A - B_2 E (I - D_{22} E)^{-1} C_2)`, with multiplicity, and
+    include those that no delay moves.
+
+    Parameters
+    ----------
+    sys : DelayLTI, control.StateSpace or control.TransferFunction
+        The system, with its loops closed.
+    count : int, optional
+        Number of rightmost roots, at least 1; 8 by default. A complex pair is never split, so one more may be
+        returned; fewer if the system has no more roots.
+    right_of : float, optional
+        Return all roots with real part above this (rad/s) instead.
+
+    Returns
+    -------
+    ndarray of complex, shape (roots,)
+        By descending real part, both roots of each conjugate pair, in rad/s.
+
+    Raises
+    ------
+    InputError
+        Both `count` and `right_of` given; a line so far to the left that more than 1000 roots lie right of it.
+
+    Warns
+    -----
+    RuntimeWarning
+        The argument principle does not confirm that all roots are found.
+
+    Notes
+    -----
+    Discretisation, Newton on the exact function and a check of completeness, see the module and [1]_.
+
+    References
+    ----------
+    .. [1] Z. Wu, W. Michiels, J. Comput. Appl. Math. 236(9), 2012.
+    """
+    K = CharacteristicMatrix.of(as_delay_lti(sys, "sys").folded)
+    if right_of is not None:
+        if count is not None:
+            raise InputError(f"count = {count} and right_of = {right_of}: only one of them can be given")
+        found = roots_right_of(K, validation.number("right_of", right_of))
+    else:
+        wanted = 8 if count is None else validation.integer("count", count, at_least=1, at_most=_MOST_ROOTS)
+        found = rightmost_roots(K, wanted)
+    if not found.complete:
+        warnings.warn(
+            f"characteristic roots may be missing: the argument principle does not confirm the {found.roots.size} found",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+    return found.roots
+
+
+def spectral_abscissa(sys: Any) -> float:
+    """Return the largest real part of the characteristic roots (rad/s); minus infinity without any root.
+
+    Parameters
+    ----------
+    sys : DelayLTI, control.StateSpace or control.TransferFunction
+        The system, with its loops closed.
+    """
+    roots = characteristic_roots(sys, 1)
+    return float(roots[0].real) if roots.size else -np.inf
+
+
+def rightmost_roots(K: CharacteristicMatrix, count: int, *, verify: bool = True, refinement: float = 1.0) -> RootSet:
+    """Return at least `count` rightmost roots, pairs complete.
+
+    Parameters
+    ----------
+    K : CharacteristicMatrix
+        Characteristic matrix.
+    count : int
+        Number wanted.
+    verify : bool, optional
+        Compare with the argument principle and raise the order until they agree. Without it the order is taken
+        from the disc that holds all roots in the right half plane, and every root found there is returned.
+    refinement : float, optional
+        Factor on the first order.
+    """
+    if K.n_channels == 0:
+        return _without_delay(K, count)
+    radius = refinement * max(K.root_bound, 1.6 * count / float(K.delays.max()))
+    margin = 4
+    found = _nothing()
+    for attempt in range(_ATTEMPTS):
+        eigenvalues, size = _eigenvalues(K, radius)
+        if verify:
+            starts = _rightmost_starts(eigenvalues, count + margin)
+        else:
+            unstable = int(np.sum(eigenvalues.real > -1e-3 * np.abs(eigenvalues)))
+            starts = _rightmost_starts(eigenvalues, max(count, unstable) + margin)
+        found = _all_of(refine(K, starts), size)
+        if not verify:
+            return found
+        end, line = _gap_after(found, count)
+        if line is not None and _confirmed(K, line, end):
+            return found.first(end)._replace(complete=True)
+        if attempt == 1 and not _delays_move_roots(K):
+            return _without_delay(K, count)
+        if size >= _LARGEST_SIZE:
+            break
+        radius, margin = 1.6 * radius, 2 * margin
+    end, _ = _gap_after(found, count)
+    return found.first(end)._replace(complete=False)
+
+
+def roots_right_of(K: CharacteristicMatrix, line: float) -> RootSet:
+    """Return all roots with real part above `line`."""
+    if K.n_channels == 0:
+        found = _without_delay(K, K.n_states)
+        return found.first(int(np.sum(found.roots.real > line)))
+    used, wanted = _count_near(K, line)
+    if wanted is not None and wanted > _MOST_ROOTS:
+        raise InputError(f"right_of = {line:g} is not allowed: {wanted} roots lie there, at most {_MOST_ROOTS} may")
+    # a chain of roots is spaced by 2 pi/tau in both half planes
+    chain = 3.2 * (wanted or 0) / float(K.delays.max())
+    radius = min(K.shifted(used).root_bound + abs(used), 2.0 * K.root_bound + chain)
+    found = _nothing()
+    for attempt in range(_ATTEMPTS):
+        eigenvalues, size = _eigenvalues(K, radius)
+        reach = used - 0.1 * (abs(used) + 1.0 / float(K.delays.max()))
+        number = max(int(np.sum(eigenvalues.real > reach)), wanted or 0) + 4 * (attempt + 1)
+        found = _all_of(refine(K, _rightmost_starts(eigenvalues, number)), size)
+        inside = int(np.sum(found.roots.real > used))
+        if inside == wanted:
+            return found.first(int(np.sum(found.roots.real > line)))._replace(complete=True)
+        if attempt == 1 and not _delays_move_roots(K):
+            rest = _without_delay(K, K.n_states)
+            return rest.first(int(np.sum(rest.roots.real > line)))
+        if size >= _LARGEST_SIZE:
+            break
+        radius *= 1.6
+    return found.first(int(np.sum(found.roots.real > line)))._replace(complete=False)
+
+
+def _nothing() -> RootSet:
+    return RootSet(np.zeros(0, dtype=complex), np.zeros(0), np.zeros(0), None, 0)
+
+
+def _eigenvalues(K: CharacteristicMatrix, radius: float) -> tuple[ComplexArray, int]:
+    """Eigenvalues of the discretisation that resolves e^{-s tau} for |s| up to `radius`, and its size."""
+    points = np.ceil(0.5 * radius * K.delays) + 6.0
+    largest = max((_LARGEST_SIZE - K.n_states) / K.n_channels, 4.0)
+    if points.sum() > _LARGEST_SIZE - K.n_states:
+        points = np.minimum(points, largest)
+    M = discretized_matrix(K, [int(p) for p in points])
+    return np.linalg.eigvals(M), M.shape[0]
+
+
+def _rightmost_starts(eigenvalues: ComplexArray, count: int) -> ComplexArray:
+    """The eigenvalues in the closed upper half plane that stand for the `count` rightmost ones."""
+    upper = eigenvalues[eigenvalues.imag >= 0.0]
+    upper = upper[np.argsort(-upper.real)]
+    stands_for = np.cumsum(np.where(upper.imag > 0.0, 2, 1))
+    return upper[: int(np.searchsorted(stands_for, count)) + 1]
+
+
+def _all_of(refined: RefinedRoots, size: int) -> RootSet:
+    """Add the conjugates and sort by descending real part."""
+    upper = refined.roots.imag > 0.0
+    roots = np.concatenate([refined.roots, refined.roots[upper].conj()])
+    residuals = np.concatenate([refined.residuals, refined.residuals[upper]])
+    uncertainties = np.concatenate([refined.uncertainties, refined.uncertainties[upper]])
+    order = np.lexsort((-roots.imag, np.abs(roots.imag), -roots.real))
+    return RootSet(roots[order], residuals[order], uncertainties[order], None, size)
+
+
+def _gap_after(found: RootSet, count: int) -> tuple[int, float | None]:
+    """Where the first `count` roots end (pairs whole), and a line in a gap at or after that, if there is one."""
+    roots = found.roots
+    if roots.size <= count:
+        return roots.size, None
+    end = count + int(roots[count - 1].imag > 0.0)
+    for k in range(end, roots.size):
+        gap = roots[k - 1].real - roots[k].real
+        certain = 10.0 * (found.uncertainties[k - 1] + found.uncertainties[k]) + 1e-9 * abs(roots[k])
+        if gap > certain:
+            return k, 0.5 * (roots[k - 1].real + roots[k].real)
+    return end, None
+
+
+def _confirmed(K: CharacteristicMatrix, line: float, number: int) -> bool:
+    try:
+        return count_right_of(K, line) == number
+    except ContourError:
+        return False
+
+
+def _count_near(K: CharacteristicMatrix, line: float) -> tuple[float, int | None]:
+    """Count right of `line`, moved a little to the left where a root lies on it."""
+    for shift in (0.0, 1e-8, 1e-6, 1e-4, 1e-3):
+        moved = line - shift * (abs(line) + 1e-3 * K.root_bound)
+        try:
+            return moved, count_right_of(K, moved)
+        except ContourError:
+            continue
+    return line, None
+
+
+def _delays_move_roots(K: CharacteristicMatrix) -> bool:
+    """Tell whether det K depends on the delays at all, by random points of the torus E."""
+    random = np.random.default_rng(0)
+    s = K.root_bound * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, 6))
+    E = np.exp(1j * random.uniform(0.0, 2.0 * np.pi, (6, K.n_channels)))
+    around = np.eye(K.n_channels) - K.D * E[:, None, :]
+    through = np.linalg.solve(around, np.broadcast_to(K.C, (6, *K.C.shape)))
+    open_matrix = s[:, None, None] * np.eye(K.n_states) - K.A
+    ratio = np.linalg.det(
+        np.eye(K.n_states) - np.linalg.solve(open_matrix, (K.B * E[:, None, :]) @ through)
+    )
+    return bool(np.any(np.abs(ratio - 1.0) > 1e-10))
+
+
+def _without_delay(K: CharacteristicMatrix, count: int) -> RootSet:
+    """The rightmost eigenvalues of A: no delay moves any root."""
+    if K.n_states == 0:
+        return _nothing()._replace(complete=True)
+    bare = CharacteristicMatrix(K.A, K.B[:, :0], K.C[:0], K.D[:0, :0], K.delays[:0])
+    eigenvalues = np.linalg.eigvals(K.A)
+    found = _all_of(refine(bare, eigenvalues[eigenvalues.imag >= 0.0]), K.n_states)
+    if found.roots.size != K.n_states:
+        exact = RefinedRoots(
+            eigenvalues[eigenvalues.imag >= 0.0].astype(complex),
+            *(np.full(int(np.sum(eigenvalues.imag >= 0.0)), x) for x in (0.0, 1e-7 * (1.0 + K.root_bound))),
+        )
+        found = _all_of(exact, K.n_states)
+    end = found.roots.size if count >= found.roots.size else count + int(found.roots[count - 1].imag > 0.0)
+    return found.first(end)._replace(complete=True)
