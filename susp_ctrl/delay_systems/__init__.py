@@ -5,6 +5,7 @@ This room knows nothing of vehicles, roads or files.
 
 from susp_ctrl.delay_systems.algebra import append, delay, feedback, parallel, series
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant, open_loop
+from susp_ctrl.delay_systems.comparison import compare_pade
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
 
@@ -13,6 +14,7 @@ __all__ = [
     "FeedbackChannel",
     "append",
     "close_loop",
+    "compare_pade",
     "delay",
     "feedback",
     "loop_plant",
