@@ -4,17 +4,25 @@ This room knows nothing of vehicles, roads or files.
 """
 
 from susp_ctrl.delay_systems.algebra import append, delay, feedback, parallel, series
+from susp_ctrl.delay_systems.argument_principle import count_roots_right_of, count_unstable_roots
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant, open_loop
 from susp_ctrl.delay_systems.comparison import compare_pade
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
+from susp_ctrl.delay_systems.discretization import spectral_approximation
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
+from susp_ctrl.delay_systems.roots import characteristic_roots, spectral_abscissa
+from susp_ctrl.delay_systems.verdict import StabilityVerdict, stability
 
 __all__ = [
     "DelayLTI",
     "FeedbackChannel",
+    "StabilityVerdict",
     "append",
+    "characteristic_roots",
     "close_loop",
     "compare_pade",
+    "count_roots_right_of",
+    "count_unstable_roots",
     "delay",
     "feedback",
     "loop_plant",
@@ -23,4 +31,7 @@ __all__ = [
     "pade_order",
     "parallel",
     "series",
+    "spectral_abscissa",
+    "spectral_approximation",
+    "stability",
 ]

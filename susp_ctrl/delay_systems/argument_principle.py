@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix, Points
 from susp_ctrl.delay_systems.delay_lti import as_delay_lti
-from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.lft import FloatArray
 from susp_ctrl.errors import UndecidedStabilityWarning
 
 # Relative uncertainty of every entry of K: some dozens of roundings.
@@ -89,7 +89,9 @@ def count_roots_right_of(sys: Any, line: float) -> int | None:
     try:
         return count_right_of(CharacteristicMatrix.of(system.folded), position)
     except ContourError as problem:
-        warnings.warn(f"roots right of {position:g} not counted: {problem}", UndecidedStabilityWarning, stacklevel=2)
+        warnings.warn(
+            f"roots right of {position:g} not counted: {problem}", UndecidedStabilityWarning, stacklevel=2
+        )
         return None
 
 
@@ -137,7 +139,7 @@ def _phase_along_axis(K: CharacteristicMatrix, top: float) -> float:
     return float(np.angle(phase[1:] / phase[:-1]).sum())
 
 
-def _unit_determinant(matrices: ComplexArray) -> ComplexArray:
+def _unit_determinant(matrices: Points) -> Points:
     sign = np.linalg.slogdet(matrices)[0]
     return np.where(sign == 0.0, 1.0, sign)
 

@@ -16,13 +16,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from susp_ctrl.delay_systems.delay_lti import FoldedLoop
-from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.lft import FloatArray
 from susp_ctrl.errors import InputError
+
+Points = NDArray[np.complexfloating[Any, Any]]
 
 # e^{-s tau} beyond this has no digits left beside the other terms, and squares of it overflow.
 _LARGEST_EXPONENT = 300.0
@@ -79,31 +83,31 @@ class CharacteristicMatrix:
             self.A - line * np.eye(self.n_states), self.B * growth, self.C, self.D * growth, self.delays
         )
 
-    def closed(self, s: ComplexArray) -> ComplexArray:
+    def closed(self, s: Points) -> Points:
         """Return ``A + B2 E (I - D22 E)^-1 C2`` at points s, shape (points, states, states)."""
         E = np.exp(-np.asarray(s, dtype=complex)[:, None] * self.delays)
         return self.A + (self.B * E[:, None, :]) @ self._after_line(E)
 
-    def __call__(self, s: ComplexArray) -> ComplexArray:
+    def __call__(self, s: Points) -> Points:
         """Return K at points s, shape (points, states, states)."""
         return np.asarray(s, dtype=complex)[:, None, None] * np.eye(self.n_states) - self.closed(s)
 
-    def with_derivative(self, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    def with_derivative(self, s: Points) -> tuple[Points, Points]:
         """Return K and dK/ds at points s."""
         points = np.asarray(s, dtype=complex)
         E = np.exp(-points[:, None] * self.delays)
         from_state = self._after_line(E)
-        into_state = self.B * E[:, None, :]
+        into_state: Any = self.B * E[:, None, :]
         identity = np.eye(self.n_states)
         K = points[:, None, None] * identity - self.A - into_state @ from_state
         if np.any(self.D):
             # (I - E D)^-1 from the right: solved through the transposed system
             around = np.eye(self.n_channels) - np.swapaxes(self.D * E[:, None, :], 1, 2)
-            passed = np.broadcast_to(self.B.T, (points.size, *self.B.T.shape))
-            into_state = np.swapaxes(np.linalg.solve(around, passed), 1, 2) * E[:, None, :]
+            passed = np.linalg.solve(around, np.broadcast_to(self.B.T, (points.size, *self.B.T.shape)))
+            into_state = np.swapaxes(passed, 1, 2) * E[:, None, :]
         return K, identity + (into_state * self.delays) @ from_state
 
-    def _after_line(self, E: ComplexArray) -> ComplexArray:
+    def _after_line(self, E: Points) -> Points:
         """(I - D22 E)^-1 C2: from the state to the signals that enter the delays."""
         if not np.any(self.D):
             return np.broadcast_to(self.C.astype(complex), (E.shape[0], *self.C.shape))
@@ -130,7 +134,7 @@ class CharacteristicMatrix:
         """
         if self.n_states == 0:
             return 0.0
-        A, B, C = self.absolute_parts
+        A, _, C = self.absolute_parts
         T, U = scipy.linalg.schur(self.A, output="complex")
         Q = np.linalg.solve(np.eye(self.n_channels) - np.abs(self.D), np.eye(self.n_channels))
         in_schur_basis = np.abs(np.triu(T)) + np.abs(U.conj().T @ self.B) @ Q @ np.abs(self.C @ U)

@@ -71,12 +71,16 @@ def spectral_approximation(sys: DelayLTI, order: int | Sequence[int]) -> control
     """
     given = [order] * sys.delays.size if np.ndim(order) == 0 else list(order)  # type: ignore[arg-type]
     if len(given) != sys.delays.size:
-        raise InputError(f"order has {len(given)} entries: one for each of {sys.delays.size} delays is needed")
+        raise InputError(
+            f"order has {len(given)} entries: one for each of {sys.delays.size} delays is needed"
+        )
     orders = [validation.integer("order", n, at_least=1, at_most=HIGHEST_ORDER) for n in given]
     if np.ndim(order) == 0:
         validation.integer("order", order, at_least=1, at_most=HIGHEST_ORDER)
     r = sys.realization
-    acts = np.any(np.vstack([r.B2, r.D12, r.D22]) * sys.channel_gains != 0.0, axis=0) & (sys.channel_delays > 0.0)
+    acts = np.any(np.vstack([r.B2, r.D12, r.D22]) * sys.channel_gains != 0.0, axis=0) & (
+        sys.channel_delays > 0.0
+    )
     points = np.where(acts, np.repeat(orders, sys.widths), 0).astype(int)
     lines = [
         _transport_line(int(n), float(tau)) if n else (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)))

@@ -98,7 +98,9 @@ def _newton(K: CharacteristicMatrix, starts: ComplexArray) -> tuple[ComplexArray
         stalled = (size >= 0.5 * last[active]) & (last[active] <= 1e-9 * (np.abs(s[active]) + _floor(K)))
         moving = np.isfinite(step) & ~stalled
         s[active[moving]] += step[moving]
-        last[active] = np.where(np.isfinite(size), np.minimum(size, np.where(stalled, last[active], size)), np.inf)
+        last[active] = np.where(
+            np.isfinite(size), np.minimum(size, np.where(stalled, last[active], size)), np.inf
+        )
         active = active[moving & (size > noise)]
         if active.size == 0:
             break
@@ -142,7 +144,11 @@ def _magnitudes(K: CharacteristicMatrix, s: ComplexArray) -> FloatArray:
     if np.any(K.D):
         around = np.eye(K.n_channels) - np.abs(K.D) * growth[:, None, :]
         through = np.linalg.solve(around, np.broadcast_to(through, (s.size, *through.shape)))
-    return np.abs(s)[:, None, None] * np.eye(K.n_states) + np.abs(K.A) + (np.abs(K.B) * growth[:, None, :]) @ through
+    return (
+        np.abs(s)[:, None, None] * np.eye(K.n_states)
+        + np.abs(K.A)
+        + (np.abs(K.B) * growth[:, None, :]) @ through
+    )
 
 
 def _groups(points: ComplexArray, reach: FloatArray) -> list[np.ndarray]:
@@ -157,7 +163,11 @@ def _groups(points: ComplexArray, reach: FloatArray) -> list[np.ndarray]:
 
 
 def _resolve(
-    K: CharacteristicMatrix, limits: ComplexArray, steps: FloatArray, uncertain: FloatArray, members: np.ndarray
+    K: CharacteristicMatrix,
+    limits: ComplexArray,
+    steps: FloatArray,
+    uncertain: FloatArray,
+    members: np.ndarray,
 ) -> list[tuple[complex, float, float]]:
     """Tell a multiple root from near ones and from duplicates, by circles around them."""
     points = limits[members]
@@ -169,7 +179,11 @@ def _resolve(
     others = np.delete(limits, members)
     mirrored = np.concatenate([others, others.conj(), [] if center.imag == 0.0 else points.conj()])
     free = 0.4 * float(np.min(np.abs(mirrored - center), initial=np.inf))
-    for radius in (max(4.0 * spread, 1e-3 * size), max(4.0 * spread, 1e-5 * size), 1.5 * spread + 1e-7 * size):
+    for radius in (
+        max(4.0 * spread, 1e-3 * size),
+        max(4.0 * spread, 1e-5 * size),
+        1.5 * spread + 1e-7 * size,
+    ):
         radius = min(radius, free)
         if radius <= spread:
             continue
@@ -207,7 +221,9 @@ def _distinct(points: ComplexArray, steps: FloatArray, error: FloatArray, member
     chosen: list[int] = []
     for k in np.argsort(steps[members]):
         position = {int(m): i for i, m in enumerate(members)}
-        apart = [abs(points[k] - points[position[c]]) > 10.0 * (error[k] + error[position[c]]) for c in chosen]
+        apart = [
+            abs(points[k] - points[position[c]]) > 10.0 * (error[k] + error[position[c]]) for c in chosen
+        ]
         if all(apart):
             chosen.append(int(members[k]))
     return chosen

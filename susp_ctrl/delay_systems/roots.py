@@ -59,7 +59,9 @@ class RootSet(NamedTuple):
         )
 
 
-def characteristic_roots(sys: Any, count: int | None = None, *, right_of: float | None = None) -> ComplexArray:
+def characteristic_roots(
+    sys: Any, count: int | None = None, *, right_of: float | None = None
+) -> ComplexArray:
     r"""Return the rightmost characteristic roots, or all roots right of a line.
 
     The roots are the zeros of :math:`\det(sI - A - B_2 E (I - D_{22} E)^{-1} C_2)`, with multiplicity, and
@@ -108,7 +110,8 @@ def characteristic_roots(sys: Any, count: int | None = None, *, right_of: float 
         found = rightmost_roots(K, wanted)
     if not found.complete:
         warnings.warn(
-            f"characteristic roots may be missing: the argument principle does not confirm the {found.roots.size} found",
+            f"characteristic roots may be missing: the argument principle does not confirm the "
+            f"{found.roots.size} found",
             RuntimeWarning,
             stacklevel=2,
         )
@@ -127,7 +130,9 @@ def spectral_abscissa(sys: Any) -> float:
     return float(roots[0].real) if roots.size else -np.inf
 
 
-def rightmost_roots(K: CharacteristicMatrix, count: int, *, verify: bool = True, refinement: float = 1.0) -> RootSet:
+def rightmost_roots(
+    K: CharacteristicMatrix, count: int, *, verify: bool = True, refinement: float = 1.0
+) -> RootSet:
     """Return at least `count` rightmost roots, pairs complete.
 
     Parameters
@@ -176,7 +181,9 @@ def roots_right_of(K: CharacteristicMatrix, line: float) -> RootSet:
         return found.first(int(np.sum(found.roots.real > line)))
     used, wanted = _count_near(K, line)
     if wanted is not None and wanted > _MOST_ROOTS:
-        raise InputError(f"right_of = {line:g} is not allowed: {wanted} roots lie there, at most {_MOST_ROOTS} may")
+        raise InputError(
+            f"right_of = {line:g} is not allowed: {wanted} roots lie there, at most {_MOST_ROOTS} may"
+        )
     # a chain of roots is spaced by 2 pi/tau in both half planes
     chain = 3.2 * (wanted or 0) / float(K.delays.max())
     radius = min(K.shifted(used).root_bound + abs(used), 2.0 * K.root_bound + chain)
@@ -209,7 +216,7 @@ def _eigenvalues(K: CharacteristicMatrix, radius: float) -> tuple[ComplexArray, 
     if points.sum() > _LARGEST_SIZE - K.n_states:
         points = np.minimum(points, largest)
     M = discretized_matrix(K, [int(p) for p in points])
-    return np.linalg.eigvals(M), M.shape[0]
+    return np.linalg.eigvals(M).astype(complex), M.shape[0]
 
 
 def _rightmost_starts(eigenvalues: ComplexArray, count: int) -> ComplexArray:
@@ -270,9 +277,7 @@ def _delays_move_roots(K: CharacteristicMatrix) -> bool:
     around = np.eye(K.n_channels) - K.D * E[:, None, :]
     through = np.linalg.solve(around, np.broadcast_to(K.C, (6, *K.C.shape)))
     open_matrix = s[:, None, None] * np.eye(K.n_states) - K.A
-    ratio = np.linalg.det(
-        np.eye(K.n_states) - np.linalg.solve(open_matrix, (K.B * E[:, None, :]) @ through)
-    )
+    ratio = np.linalg.det(np.eye(K.n_states) - np.linalg.solve(open_matrix, (K.B * E[:, None, :]) @ through))
     return bool(np.any(np.abs(ratio - 1.0) > 1e-10))
 
 
@@ -281,11 +286,11 @@ def _without_delay(K: CharacteristicMatrix, count: int) -> RootSet:
     if K.n_states == 0:
         return _nothing()._replace(complete=True)
     bare = CharacteristicMatrix(K.A, K.B[:, :0], K.C[:0], K.D[:0, :0], K.delays[:0])
-    eigenvalues = np.linalg.eigvals(K.A)
+    eigenvalues = np.linalg.eigvals(K.A).astype(complex)
     found = _all_of(refine(bare, eigenvalues[eigenvalues.imag >= 0.0]), K.n_states)
     if found.roots.size != K.n_states:
         exact = RefinedRoots(
-            eigenvalues[eigenvalues.imag >= 0.0].astype(complex),
+            eigenvalues[eigenvalues.imag >= 0.0],
             *(np.full(int(np.sum(eigenvalues.imag >= 0.0)), x) for x in (0.0, 1e-7 * (1.0 + K.root_bound))),
         )
         found = _all_of(exact, K.n_states)

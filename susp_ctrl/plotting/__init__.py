@@ -10,6 +10,7 @@ from __future__ import annotations
 from susp_ctrl.plotting.comparison import draw_changes, draw_order_error
 from susp_ctrl.plotting.frequency import draw_bode, draw_magnitude, frequency_axis
 from susp_ctrl.plotting.histories import draw_history, draw_road
+from susp_ctrl.plotting.roots import draw_root_locus, draw_roots
 from susp_ctrl.plotting.search import draw_convergence, draw_detuning
 from susp_ctrl.plotting.stability import draw_intervals, draw_unit_modulus
 from susp_ctrl.plotting.style import (
@@ -35,6 +36,8 @@ __all__ = [
     "draw_magnitude",
     "draw_order_error",
     "draw_road",
+    "draw_root_locus",
+    "draw_roots",
     "draw_unit_modulus",
     "frequency_axis",
     "new_figure",

@@ -1,0 +1,200 @@
+r"""The stability verdict: three methods, one answer, or none.
+
+* *roots*: the rightmost roots are computed and those with positive real part counted;
+* *argument principle*: the phase of the characteristic determinant along the imaginary axis counts them without
+  computing any (`susp_ctrl.delay_systems.argument_principle`);
+* *sweep*: starting from the loop without delay, all delays grow in proportion to their full size and every
+  crossing of the imaginary axis is followed (`susp_ctrl.delay_systems.sweep`).
+
+A loop is called stable or unstable only if the methods agree. Otherwise the orders are raised, and if the methods
+still differ, or a root lies on the axis as far as rounding lets one tell, the verdict is undecided and says why.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, NoReturn
+
+import numpy as np
+
+from susp_ctrl.delay_systems.argument_principle import ContourError, count_right_of
+from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.lft import ComplexArray
+from susp_ctrl.delay_systems.roots import RootSet, rightmost_roots
+from susp_ctrl.errors import UndecidedStabilityWarning
+
+ROOTS, ARGUMENT, SWEEP = "roots", "argument principle", "sweep"
+# Factors on the order of the discretisation that are tried until the methods agree.
+_REFINEMENTS = (1.0, 1.7, 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityVerdict:
+    """Answer of `stability`.
+
+    Attributes
+    ----------
+    stable : bool or None
+        None: undecided, see `reason`.
+    abscissa : float
+        Largest real part of the roots found (rad/s).
+    unstable_roots : int or None
+        Number of roots with positive real part; None if undecided.
+    agreement : mapping
+        What each method counted; None where it could not tell.
+    reason : str
+        Why the verdict is what it is, in one sentence.
+    roots : ndarray of complex
+        The rightmost roots, both of each pair.
+    """
+
+    stable: bool | None
+    abscissa: float
+    unstable_roots: int | None
+    agreement: Mapping[str, int | None]
+    reason: str
+    roots: ComplexArray
+
+    def __bool__(self) -> NoReturn:
+        """Refuse: a verdict may be undecided, which is neither true nor false."""
+        raise ValueError(
+            "a stability verdict has three values: ask for .stable, which is True, False or None"
+        )
+
+    def __str__(self) -> str:
+        word = {True: "stable", False: "unstable", None: "undecided"}[self.stable]
+        counts = ", ".join(f"{name} {'-' if n is None else n}" for name, n in self.agreement.items())
+        return (
+            f"{word}: {self.reason}\n"
+            f"  spectral abscissa: {self.abscissa:.6g} rad/s\n"
+            f"  roots with positive real part: {counts}"
+        )
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the rightmost roots in the complex plane and return the axes."""
+        from susp_ctrl.plotting import draw_roots
+
+        return draw_roots({"rightmost roots": self.roots}, ax)
+
+
+def stability(sys: Any) -> StabilityVerdict:
+    """Tell whether a system with delays is stable, by methods that must agree.
+
+    Parameters
+    ----------
+    sys : DelayLTI, control.StateSpace or control.TransferFunction
+        The system, with its loops closed.
+
+    Returns
+    -------
+    StabilityVerdict
+        `stable` is True (all characteristic roots have negative real part), False (at least one has a positive
+        real part) or None (undecided). Its truth value is an error: ask for `.stable`.
+
+    Raises
+    ------
+    InputError
+        `sys` is no linear continuous-time system.
+
+    Warns
+    -----
+    UndecidedStabilityWarning
+        The verdict is undecided; the message gives the reason.
+
+    Notes
+    -----
+    A method that cannot tell (the sweep through a degenerate point, say) is recorded as None; two that answer
+    and agree are the least for a verdict.
+    """
+    verdict = _decide(as_delay_lti(sys, "sys"))
+    if verdict.stable is None:
+        warnings.warn(f"stability is undecided: {verdict.reason}", UndecidedStabilityWarning, stacklevel=2)
+    return verdict
+
+
+def _decide(system: DelayLTI) -> StabilityVerdict:
+    K = CharacteristicMatrix.of(system.folded)
+    agreement: dict[str, int | None] = {ROOTS: 0, ARGUMENT: 0}
+    if K.n_states == 0:
+        nothing = np.zeros(0, dtype=complex)
+        return _verdict(True, 0, agreement, "the system has no state and no roots", nothing)
+    if K.n_channels:
+        agreement[SWEEP] = _count_by_sweep(system)
+    for refinement in _REFINEMENTS:
+        found = rightmost_roots(K, 8, verify=False, refinement=refinement)
+        on_axis = _on_axis(found)
+        if np.any(on_axis):
+            return _with_roots_on_axis(K, found, on_axis, agreement)
+        agreement |= {ROOTS: int(np.sum(found.roots.real > 0.0)), ARGUMENT: _count(K, 0.0)}
+        answers = {n for n in agreement.values() if n is not None}
+        if len(answers) == 1 and agreement[ARGUMENT] is not None:
+            number = answers.pop()
+            return _verdict(number == 0, number, agreement, _agreed(number, agreement), found.roots)
+    told = ", ".join(f"{name} {'cannot tell' if n is None else n}" for name, n in agreement.items())
+    reason = f"the methods differ on the number of unstable roots ({told})"
+    return _verdict(None, None, agreement, reason, found.roots)
+
+
+def _verdict(
+    stable: bool | None,
+    number: int | None,
+    agreement: Mapping[str, int | None],
+    reason: str,
+    roots: ComplexArray,
+) -> StabilityVerdict:
+    abscissa = float(roots[0].real) if roots.size else -np.inf
+    return StabilityVerdict(stable, abscissa, number, MappingProxyType(dict(agreement)), reason, roots)
+
+
+def _agreed(number: int, agreement: Mapping[str, int | None]) -> str:
+    who = ", ".join(name for name, n in agreement.items() if n is not None)
+    what = "no root has" if number == 0 else "one root has" if number == 1 else f"{number} roots have"
+    return f"{what} positive real part; {who} agree"
+
+
+def _on_axis(found: RootSet) -> np.ndarray:
+    """Roots whose side of the axis rounding of the data could change."""
+    return np.asarray(np.abs(found.roots.real) <= 4.0 * np.maximum(found.uncertainties, found.residuals))
+
+
+def _with_roots_on_axis(
+    K: CharacteristicMatrix, found: RootSet, on_axis: np.ndarray, agreement: dict[str, int | None]
+) -> StabilityVerdict:
+    """Unstable if other roots are, by a line between them and the axis; undecided otherwise."""
+    worst = found.roots[on_axis][0]
+    where = f"a root lies on the imaginary axis near {abs(worst.imag):.6g} rad/s, as far as rounding lets one tell"
+    reach = float(np.max(np.abs(found.roots[on_axis].real)))
+    beyond = found.roots[(found.roots.real > 0.0) & ~on_axis]
+    if beyond.size and float(beyond.real.min()) > 2.0 * reach:
+        number = _count(K, 0.5 * (reach + float(beyond.real.min())))
+        if number is not None and number == beyond.size:
+            agreement = {ROOTS: number, ARGUMENT: number}
+            return _verdict(
+                False, number, agreement, f"{_agreed(number, agreement)}; besides, {where}", found.roots
+            )
+    return _verdict(None, None, agreement | {ROOTS: None, ARGUMENT: None}, where, found.roots)
+
+
+def _count(K: CharacteristicMatrix, line: float) -> int | None:
+    try:
+        return count_right_of(K, line)
+    except ContourError:
+        return None
+
+
+def _count_by_sweep(system: DelayLTI) -> int | None:
+    """Unstable roots at the end of the sweep from no delay to the full delays; None if it cannot tell."""
+    try:
+        from susp_ctrl.delay_systems.sweep import sweep_delays
+    except ImportError:
+        return None
+    start = np.zeros(system.delays.size)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UndecidedStabilityWarning)
+        intervals = sweep_delays(system, direction=system.delays, start=start, up_to=1.0).intervals
+    last = intervals["unstable_roots"].iloc[-1] if len(intervals) else None
+    return None if last is None or not np.isfinite(float(last)) or last < 0 else int(last)
