@@ -21,6 +21,7 @@ from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 if TYPE_CHECKING:
     import pandas as pd
 
+    from susp_ctrl.study import Study
     from susp_ctrl.study.result import StudyRun
 
 WRITE_FAILED, BAD_INPUT, UNDECIDED, INTERRUPTED = 1, 2, 3, 130
@@ -35,6 +36,12 @@ app = typer.Typer(
 )
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).", show_default=False)]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Change a key of the study, as in vehicle.body_mass_kg=700."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 Progress = Callable[[str, float], None]
 
@@ -58,12 +65,13 @@ def run(
         Path | None,
         typer.Option(help="Folder of the report. [default: out/NAME-OF-THE-STUDY]", show_default=False),
     ] = None,
+    changes: Changes = None,
 ) -> None:
     """Run a whole study and write its report: PDF, CSV tables, figures."""
     with _one_line_errors():
         import susp_ctrl as sc
 
-        settings = sc.load_study(study)
+        settings = _load(study, changes)
         with _progress() as progress:
             result = sc.run_study(settings, progress=progress)
             progress("writing the report", 1.0)
@@ -92,7 +100,7 @@ def list_studies(
         width = max(len(str(path)) for path in files)
         for path in files:
             try:
-                title = sc.load_study(path).title
+                title = sc.load_study(path).settings.title
             except InputError as error:
                 title = f"(not valid: {error})"
             print(f"{path!s:<{width}}  {title}")
@@ -105,13 +113,13 @@ def check(study: StudyFile) -> None:
         import susp_ctrl as sc
 
         settings = sc.load_study(study)
-        print(f"{study}: valid. {settings.title}")
+        print(f"{study}: valid. {settings.settings.title}")
 
 
 @app.command(epilog="Example: susp-ctrl stability studies/wu_ren_2020.toml")
-def stability(study: StudyFile, as_json: AsJson = False) -> None:
+def stability(study: StudyFile, changes: Changes = None, as_json: AsJson = False) -> None:
     """Give a stability verdict on every design of a study, by three methods that must agree."""
-    data = _compute(study, "stability")
+    data = _compute(study, changes, "stability")
     assert data.stability is not None
     columns = ["design", "verdict", "abscissa", "unstable_roots", "delay_independent", "agreement"]
     _print({"verdicts": data.stability.verdicts[columns], "rightmost roots": data.stability.roots}, as_json)
@@ -119,11 +127,11 @@ def stability(study: StudyFile, as_json: AsJson = False) -> None:
 
 
 @app.command("sweep-delays", epilog="Example: susp-ctrl sweep-delays studies/wu_ren_2020.toml")
-def sweep_delays(study: StudyFile, as_json: AsJson = False) -> None:
+def sweep_delays(study: StudyFile, changes: Changes = None, as_json: AsJson = False) -> None:
     """Find all delays at which roots cross the imaginary axis, and the stable intervals between them."""
     import pandas as pd
 
-    data = _compute(study, "stability")
+    data = _compute(study, changes, "stability")
     assert data.stability is not None
     crossings, intervals = [], []
     for line in data.stability.lines:
@@ -143,21 +151,17 @@ def sweep_delays(study: StudyFile, as_json: AsJson = False) -> None:
 
 
 @app.command("compare-pade", epilog="Example: susp-ctrl compare-pade studies/wu_ren_2020.toml --json")
-def compare_pade(study: StudyFile, as_json: AsJson = False) -> None:
+def compare_pade(study: StudyFile, changes: Changes = None, as_json: AsJson = False) -> None:
     """Show the error of Padé approximations of several orders against the exact delays."""
-    data = _compute(study, "pade")
+    data = _compute(study, changes, "pade")
     _print({case.design: case.table for case in data.pade}, as_json)
     _leave(data)
 
 
-@app.command(epilog="Example: susp-ctrl tune studies/wu_ren_2020.toml --seed 3")
-def tune(
-    study: StudyFile,
-    seed: Annotated[int | None, typer.Option(help="Seed instead of the study's own.", min=0)] = None,
-    as_json: AsJson = False,
-) -> None:
+@app.command(epilog="Example: susp-ctrl tune studies/wu_ren_2020.toml --set 'tuning[random_tuned].seed=3'")
+def tune(study: StudyFile, changes: Changes = None, as_json: AsJson = False) -> None:
     """Search gains and delays by particle swarm; only designs proven stable are returned."""
-    data = _compute(study, "tuning", seed=seed)
+    data = _compute(study, changes, "tuning")
     tables: dict[str, pd.DataFrame] = {}
     for search in data.tuning:
         tables[f"{search.label}: {search.objective_text}"] = search.bounds
@@ -166,18 +170,33 @@ def tune(
     _leave(data)
 
 
-def _compute(path: Path, section: str, *, seed: int | None = None) -> StudyRun:
+def _load(path: Path, changes: list[str] | None) -> Study:
+    import tomllib
+
+    import susp_ctrl as sc
+
+    values: dict[str, Any] = {}
+    for change in changes or []:
+        key, equals, text = change.partition("=")
+        if not equals:
+            raise InputError(f"--set {change}: KEY=VALUE is needed")
+        try:
+            values[key.strip()] = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            values[key.strip()] = text.strip()  # a bare word is a string
+    study = sc.load_study(path)
+    return study.with_changes(values) if values else study
+
+
+def _compute(path: Path, changes: list[str] | None, section: str) -> StudyRun:
     with _one_line_errors():
-        import susp_ctrl as sc
         from susp_ctrl.study import compute_study
 
-        settings = sc.load_study(path)
-        if seed is not None:
-            settings = settings.with_seed(seed)
+        settings = _load(path, changes)
         with _progress() as progress:
             data = compute_study(settings, progress=progress, sections=(section,))
         if not getattr(data, section):
-            raise InputError(f"{path}: {section} is not allowed here: the study file has no such section")
+            raise InputError(f"{path}: the study has no section [{section}]")
         return data
 
 
