@@ -1,1 +1,10 @@
-"""To be filled."""
+"""Tuning of delayed feedback: objectives over many gains and delays at once, the swarm, stability inside it."""
+
+from __future__ import annotations
+
+from susp_ctrl.tuning.objectives import BandMean, BandPeak, Harmonic, RoadRms
+from susp_ctrl.tuning.problem import Limit, TuningProblem
+from susp_ctrl.tuning.swarm import pso
+from susp_ctrl.tuning.tune import tune
+
+__all__ = ["BandMean", "BandPeak", "Harmonic", "Limit", "RoadRms", "TuningProblem", "pso", "tune"]

@@ -1,0 +1,286 @@
+r"""What a design is judged by: four readings of the weighted response, exact in the delays.
+
+With H_i the response of output i to the road displacement at the reference axle (every axle meets it with its
+own lag), eq. (6) of the paper is
+
+.. math:: J(\omega) = \sum_i n_i \, |H_i(j\omega)| / \omega,
+
+an amplitude per road *velocity*. `Harmonic` takes it at one frequency, `BandMean` and `BandPeak` over a band;
+`RoadRms` takes the standard deviations on a random road instead, :math:`J = \sum_i n_i \sigma_i` with
+:math:`\sigma_i^2 = \int |H_i|^2 G \, d\omega`.
+
+Each is a description. Bound to a plant it becomes a `SampledObjective` that evaluates a whole swarm at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from susp_ctrl import validation
+from susp_ctrl.delay_systems.lft import SampledPlant, lft_response
+from susp_ctrl.errors import InputError
+from susp_ctrl.tuning.quadrature import resonance_rule
+from susp_ctrl.tuning.sampling import ControlledPlant, channel_exponentials
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+BAND_POINTS = 300
+
+
+class Objective(Protocol):
+    """Anything that can be bound to a plant and then judges many designs at once."""
+
+    #: False where the minimum typically sits on a kink; decides the local polish.
+    smooth: bool
+
+    def bind(self, plant: ControlledPlant) -> SampledObjective:
+        """Sample the plant once for all evaluations to come."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledObjective:
+    """An objective bound to a plant: E of shape (n, f, m) to values (n,).
+
+    Attributes
+    ----------
+    omega : ndarray, shape (f,)
+        Frequencies (rad/s) at which E is wanted.
+    plant : SampledPlant
+        One input; the scale of each row and frequency is already in it.
+    reduce : callable
+        Weighted responses (n, f, rows) to values (n,).
+    """
+
+    omega: FloatArray
+    plant: SampledPlant
+    reduce: Callable[[ComplexArray], FloatArray]
+
+    def evaluate(self, gains: FloatArray, delays: FloatArray) -> FloatArray:
+        """Return one value per design, (n, m) gains and delays (s) to (n,)."""
+        return self.values(channel_exponentials(gains, delays, self.omega))
+
+    def weighted_response(self, E: ComplexArray) -> ComplexArray:
+        """Return the scaled responses, shape (n, f, rows)."""
+        return lft_response(self.plant, E)[..., 0]
+
+    def values(self, E: ComplexArray) -> FloatArray:
+        """Return one value per design, shape (n,)."""
+        return self.reduce(self.weighted_response(E))
+
+    def spectra(self, E: ComplexArray) -> FloatArray:
+        """Return the sum of the weighted magnitudes at every frequency, shape (n, f)."""
+        return np.abs(self.weighted_response(E)).sum(axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonic:
+    r"""Eq. (6) at one frequency: :math:`J = \sum_i n_i |H_i(j\omega)| / \omega`.
+
+    Parameters
+    ----------
+    omega : float
+        Frequency of the road (rad/s), positive.
+    weights : mapping of str to float
+        Weight n_i, not negative, of each output.
+    lags : mapping of str to float, optional
+        Delay (s) after which the road reaches each road input; needed where there is more than one.
+
+    Raises
+    ------
+    InputError
+        For a frequency, weight or lag out of range; unknown names are found when bound to a plant.
+    """
+
+    omega: float
+    weights: Mapping[str, float]
+    lags: Mapping[str, float] | None = None
+    smooth = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "omega", validation.number("omega", self.omega, above=0))
+        _check_weights_and_lags(self)
+
+    def bind(self, plant: ControlledPlant) -> SampledObjective:
+        """Sample the plant at the one frequency."""
+        omega = np.array([self.omega])
+        return SampledObjective(
+            omega, _per_velocity(self, plant, omega), lambda h: np.abs(h).sum(axis=(1, 2))
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class BandMean:
+    r"""Mean of eq. (6) over a band: :math:`\int J \, d\omega / (\omega_2 - \omega_1)`.
+
+    Parameters
+    ----------
+    omega : array_like
+        Increasing frequencies (rad/s), positive; the integral is taken by the trapezoidal rule on them. Two
+        numbers are the limits of a band, which is then sampled at 300 logarithmically spaced points.
+    weights, lags
+        As in `Harmonic`.
+
+    Raises
+    ------
+    InputError
+        For an empty band, or numbers out of range.
+    """
+
+    omega: ArrayLike
+    weights: Mapping[str, float]
+    lags: Mapping[str, float] | None = None
+    smooth = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "omega", _band(self.omega))
+        _check_weights_and_lags(self)
+
+    def bind(self, plant: ControlledPlant) -> SampledObjective:
+        """Sample the plant over the band."""
+        omega = np.asarray(self.omega)
+        step = np.diff(omega)
+        shares = (np.append(step, 0.0) + np.append(0.0, step)) / (2.0 * (omega[-1] - omega[0]))
+        return SampledObjective(
+            omega, _per_velocity(self, plant, omega), lambda h: np.abs(h).sum(axis=-1) @ shares
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class BandPeak:
+    r"""Largest value of eq. (6) over a band: :math:`\max_\omega J(\omega)` on a grid.
+
+    Parameters
+    ----------
+    omega : array_like
+        Increasing frequencies (rad/s), positive. Two numbers are the limits of a band, which is then sampled
+        at 300 logarithmically spaced points.
+    weights, lags
+        As in `Harmonic`.
+
+    Raises
+    ------
+    InputError
+        For an empty band, or numbers out of range.
+    """
+
+    omega: ArrayLike
+    weights: Mapping[str, float]
+    lags: Mapping[str, float] | None = None
+    smooth = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "omega", _band(self.omega))
+        _check_weights_and_lags(self)
+
+    def bind(self, plant: ControlledPlant) -> SampledObjective:
+        """Sample the plant over the band."""
+        omega = np.asarray(self.omega)
+        return SampledObjective(
+            omega, _per_velocity(self, plant, omega), lambda h: np.abs(h).sum(axis=-1).max(axis=-1)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class RoadRms:
+    r"""Weighted standard deviations on a random road, from the exact response without simulation.
+
+    .. math:: J = \sum_i n_i \sigma_i, \quad \sigma_i^2 = \int |H_i(j\omega)|^2 G(\omega) \, d\omega
+
+    over the road's band, by a fixed quadrature that resolves the resonances of the open plant.
+
+    Parameters
+    ----------
+    road : RandomRoad or any object with ``psd(omega)`` and ``band``
+        One-sided displacement PSD G in m2/(rad/s) and its band (lower, upper) in rad/s.
+    weights, lags
+        As in `Harmonic`. Without lags only where the plant has one road input.
+    points : int
+        Number of nodes.
+
+    Raises
+    ------
+    InputError
+        For a road without spectrum, or numbers out of range.
+
+    Notes
+    -----
+    With 300 points the largest error over 400 random designs of the paper's box was 1.3e-4 relative.
+    """
+
+    road: Any
+    weights: Mapping[str, float]
+    lags: Mapping[str, float] | None = None
+    points: int = BAND_POINTS
+    smooth = True
+
+    def __post_init__(self) -> None:
+        if not callable(getattr(self.road, "psd", None)) or not hasattr(self.road, "band"):
+            raise InputError(
+                f"road = {self.road!r} is not allowed: a road with a spectrum (RandomRoad) is needed"
+            )
+        validation.integer("points", self.points, at_least=10)
+        _check_weights_and_lags(self)
+
+    def with_points(self, points: int) -> RoadRms:
+        """Return the same objective with another number of quadrature nodes."""
+        return replace(self, points=points)
+
+    def bind(self, plant: ControlledPlant) -> SampledObjective:
+        """Sample the plant at the nodes; the square roots of weight and PSD go into the rows."""
+        low, high = (float(limit) for limit in self.road.band)
+        omega, nodes = resonance_rule((low, high), plant.realization.eigenvalues, self.points)
+        density = np.sqrt(nodes * np.asarray(self.road.psd(omega), dtype=float))
+        sampled = plant.sample(omega, list(self.weights), self.lags)
+        weights = np.array(list(self.weights.values()))
+
+        def reduce(h: ComplexArray) -> FloatArray:
+            return np.sqrt((h.real**2 + h.imag**2).sum(axis=1)) @ weights
+
+        return SampledObjective(omega, _scaled(sampled, density[:, None]), reduce)
+
+
+def _per_velocity(objective: Any, plant: ControlledPlant, omega: FloatArray) -> SampledPlant:
+    """Sample the plant with the rows multiplied by their weight over the frequency."""
+    weights = np.array(list(objective.weights.values()))
+    return _scaled(plant.sample(omega, list(objective.weights), objective.lags), weights / omega[:, None])
+
+
+def _scaled(plant: SampledPlant, scale: FloatArray) -> SampledPlant:
+    """Multiply the output rows by a positive scale of shape (f, rows) or (f, 1)."""
+    return plant._replace(p11=plant.p11 * scale[:, :, None], p12=plant.p12 * scale[:, :, None])
+
+
+def _band(omega: ArrayLike) -> FloatArray:
+    grid = validation.increasing("omega", omega, at_least=0)
+    if grid[0] <= 0:
+        raise InputError(f"omega[0] = {grid[0]:g} is not allowed: |H| per road velocity needs omega > 0")
+    if grid.size < 2:
+        raise InputError("omega is an empty band: at least two increasing frequencies are needed")
+    if grid.size == 2:
+        grid = np.geomspace(grid[0], grid[1], BAND_POINTS)
+    grid.setflags(write=False)
+    return grid
+
+
+def _check_weights_and_lags(objective: Any) -> None:
+    """Check the two mappings of an objective and keep private copies of them."""
+    for name, needed in (("weights", True), ("lags", False)):
+        given = getattr(objective, name)
+        if given is None and not needed:
+            continue
+        if not isinstance(given, Mapping) or not given:
+            raise InputError(
+                f"{name} = {given!r} is not allowed: a mapping of signal name to number is needed"
+            )
+        clean = {
+            key: validation.number(f"{name}[{key!r}]", value, at_least=0) for key, value in given.items()
+        }
+        object.__setattr__(objective, name, clean)
+    if not any(objective.weights.values()):
+        raise InputError("weights are all zero: at least one positive weight is needed")

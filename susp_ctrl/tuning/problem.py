@@ -1,0 +1,272 @@
+"""A tuning problem: which signals are fed back where, within which bounds, judged by what."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from susp_ctrl import validation
+from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant
+from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
+from susp_ctrl.errors import InputError
+from susp_ctrl.tuning.feasibility import StabilityTest
+from susp_ctrl.tuning.objectives import Objective, SampledObjective
+from susp_ctrl.tuning.sampling import ControlledPlant
+from susp_ctrl.tuning.small_gain import SmallGain
+
+FloatArray = NDArray[np.float64]
+
+# The best delay is often none at all, and a control loop always has some: one millisecond by default.
+DEFAULT_DELAY_BOUNDS = (0.001, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """An upper limit on any objective: stroke, tire load, actuator force, ...
+
+    Parameters
+    ----------
+    objective : Harmonic, BandMean, BandPeak, RoadRms or SpectralAbscissa
+        ``RoadRms(road, {"suspension_deflection_front": 1.0}, lags)`` is the RMS stroke of the front axle.
+    at_most : float
+        The limit, positive, in the objective's unit.
+
+    Raises
+    ------
+    InputError
+        For a limit that is not positive.
+    """
+
+    objective: Objective
+    at_most: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "at_most", validation.number("at_most", self.at_most, above=0))
+
+
+class Case(NamedTuple):
+    """One vehicle of a problem, sampled; the delays it has of its own come first among the channels."""
+
+    objective: SampledObjective
+    limits: tuple[SampledObjective, ...]
+    stability: StabilityTest
+    fixed_gains: FloatArray
+    fixed_delays: FloatArray
+
+    def spread(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return gains and delays, shape (n, channels), of design vectors (n, 2 m)."""
+        gains, delays = np.split(points, 2, axis=1)
+        if self.fixed_gains.size:
+            shape = (len(points), self.fixed_gains.size)
+            gains = np.hstack([np.broadcast_to(self.fixed_gains, shape), gains])
+            delays = np.hstack([np.broadcast_to(self.fixed_delays, shape), delays])
+        return gains, delays
+
+
+class TuningProblem:
+    r"""Find gains and delays of feedback channels: minimise J(x) over a box, subject to stability.
+
+    The design vector is x = [g_1, ..., g_m, tau_1, ..., tau_m]. A design is feasible when the closed loop is
+    stable (with the decay rate and for the delays asked for) and every limit is kept. Stability is decided
+    inside the search by `susp_ctrl.tuning.feasibility.StabilityTest`: small gain at the corner of the box, or
+    else a certified count of roots for every design.
+
+    Parameters
+    ----------
+    plant : control.StateSpace, DelayLTI, or a sequence of them
+        With several (a list of vehicles) J and every limit is the worst of them, and all must be stable.
+    pairs : sequence of (str, str)
+        (measured output, actuator input) of each channel; any number, signals may repeat.
+    objective : Harmonic, BandMean, BandPeak, RoadRms, SpectralAbscissa
+        What is minimised.
+    gain_bounds : sequence of (float, float)
+        Lower and upper gain of each channel, in units of the actuator per unit of the measured signal; one
+        pair serves all channels.
+    delay_bounds : sequence of (float, float), optional
+        Lower and upper delay (s) of each channel, or one pair for all; (0.001, 1) by default. Equal limits
+        fix a delay.
+    actuator_bandwidth : float or sequence of float or None, optional
+        Bandwidth (rad/s) of the first-order actuators of the channels; needed for acceleration feedback.
+    limits : sequence of Limit, optional
+        Upper limits on other objectives.
+    decay_rate : float, optional
+        Required decay rate (1/s): every root satisfies Re s < -decay_rate.
+    delay_tolerance : float, optional
+        Required robustness: stable while each delay moves by +- this fraction on its own.
+
+    Attributes
+    ----------
+    lower, upper : ndarray, shape (2 m,)
+        The box of the design vector.
+    passive_value : float
+        J with all channels idle; nan where the plant without them is unstable.
+
+    Raises
+    ------
+    InputError
+        Unknown signals (the nearest known one is named), crossed or negative bounds, missing road lags.
+    NeutralLoopError
+        A channel around a direct feed-through without `actuator_bandwidth`.
+    """
+
+    def __init__(
+        self,
+        plant: Any,
+        pairs: Sequence[tuple[str, str]],
+        objective: Objective,
+        gain_bounds: Sequence[ArrayLike] | ArrayLike,
+        delay_bounds: Sequence[ArrayLike] | ArrayLike = DEFAULT_DELAY_BOUNDS,
+        *,
+        actuator_bandwidth: float | Sequence[float | None] | None = None,
+        limits: Sequence[Limit] = (),
+        decay_rate: float = 0.0,
+        delay_tolerance: float = 0.0,
+    ) -> None:
+        self.pairs = _checked_pairs(pairs)
+        m = len(self.pairs)
+        gains = _bounds("gain_bounds", gain_bounds, m)
+        delays = _bounds("delay_bounds", delay_bounds, m, at_least=0.0)
+        self.lower = np.concatenate([gains[:, 0], delays[:, 0]])
+        self.upper = np.concatenate([gains[:, 1], delays[:, 1]])
+        self.decay_rate = validation.number("decay_rate", decay_rate, at_least=0)
+        self.delay_tolerance = validation.number("delay_tolerance", delay_tolerance, at_least=0, below=1)
+        widths = actuator_bandwidth if isinstance(actuator_bandwidth, Sequence) else [actuator_bandwidth] * m
+        if len(widths) != m:
+            raise InputError(
+                f"actuator_bandwidth has {len(widths)} entries: one for each of {m} pairs is needed"
+            )
+        self._bandwidths = tuple(widths)
+        if not callable(getattr(objective, "bind", None)):
+            raise InputError(f"objective = {objective!r} is not allowed: Harmonic, RoadRms, ... is needed")
+        self.objective = objective
+        self.limits = tuple(limits)
+        for k, limit in enumerate(self.limits):
+            if not isinstance(limit, Limit):
+                raise InputError(f"limits[{k}] is a {type(limit).__name__}: a Limit is needed")
+        self.plants = tuple(plant) if isinstance(plant, (list, tuple)) else (plant,)
+        if not self.plants:
+            raise InputError("plant is an empty list: at least one plant is needed")
+        self._cases = tuple(self._case(each) for each in self.plants)
+        idle = np.zeros((1, 2 * m))
+        idle[0, m:] = self.lower[m:]
+        self.passive_value = float(self.values(idle)[0])
+        if not all(case.stability.plant_stable for case in self._cases):
+            self.passive_value = np.nan
+
+    @property
+    def dimension(self) -> int:
+        """Length 2 m of the design vector."""
+        return self.lower.size
+
+    @property
+    def proven(self) -> bool:
+        """Whether small gain proves every design of the box stable, so that nothing is counted."""
+        return all(case.stability.proven for case in self._cases)
+
+    @property
+    def corners(self) -> list[SmallGain]:
+        """The small-gain test at the corner of the box, one per plant."""
+        return [case.stability.corner for case in self._cases]
+
+    @property
+    def cases(self) -> tuple[Case, ...]:
+        """The sampled plants with their bound objectives."""
+        return self._cases
+
+    def channels(self, x: ArrayLike) -> list[FeedbackChannel]:
+        """Return the feedback channels of a design."""
+        design = validation.vector("x", x, size=self.dimension)
+        m = len(self.pairs)
+        return [
+            FeedbackChannel(*pair, gain=float(g), delay=float(tau), actuator_bandwidth=width)
+            for pair, g, tau, width in zip(self.pairs, design[:m], design[m:], self._bandwidths, strict=True)
+        ]
+
+    def loops(self, x: ArrayLike) -> list[DelayLTI]:
+        """Return the closed loop of a design, one per plant."""
+        return [close_loop(plant, self.channels(x)) for plant in self.plants]
+
+    def values(self, points: FloatArray) -> FloatArray:
+        """Return J of many designs, points (n, 2 m) to (n,), whether they are feasible or not."""
+        return np.max([c.objective.evaluate(*c.spread(points)) for c in self._cases], axis=0)
+
+    def violations(self, points: FloatArray) -> FloatArray:
+        """Return how far designs are from feasible, points (n, 2 m) to (n,): 0 if feasible.
+
+        Overshoot of limits, relative and summed, is mapped to (0, 1/2); a design whose stability is in
+        doubt has 1/2, an unstable one its number of roots on the wrong side. Thus stability always comes
+        first, and limits are compared among stable designs.
+        """
+        worst = np.zeros(len(points))
+        for case in self._cases:
+            gains, delays = case.spread(points)
+            over = np.zeros(len(points))
+            for limit, bound in zip(self.limits, case.limits, strict=True):
+                over += np.maximum(bound.evaluate(gains, delays) / limit.at_most - 1.0, 0.0)
+            unstable = case.stability.violations(gains, delays)
+            worst = np.maximum(worst, np.where(unstable > 0, unstable, 0.5 * over / (1.0 + over)))
+        return worst
+
+    def evaluate(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (values, violations) of many designs: what the swarm asks for."""
+        return self.values(points), self.violations(points)
+
+    def _case(self, plant: Any) -> Case:
+        m = len(self.pairs)
+        base = as_delay_lti(plant, "plant")
+        # The corner of the box: it validates every signal and bandwidth, and refuses neutral loops.
+        corner = np.concatenate([np.maximum(np.abs(self.lower[:m]), np.abs(self.upper[:m])), self.upper[m:]])
+        channels = self.channels(corner)
+        close_loop(base, channels)
+        realization = loop_plant(base, channels)
+        controlled = ControlledPlant(
+            realization,
+            tuple(base.input_labels),
+            tuple(base.output_labels),
+            tuple(str(actuator) for _, actuator in self.pairs),
+        )
+        fixed_gains, fixed_delays = base.channel_gains, base.channel_delays
+        test = StabilityTest(
+            realization,
+            np.append(np.abs(fixed_gains), corner[:m]),
+            np.append(fixed_delays, corner[m:]),
+            self.decay_rate,
+            self.delay_tolerance,
+        )
+        limits = tuple(limit.objective.bind(controlled) for limit in self.limits)
+        return Case(self.objective.bind(controlled), limits, test, fixed_gains, fixed_delays)
+
+
+def _checked_pairs(pairs: Any) -> tuple[tuple[str, str], ...]:
+    try:
+        clean = tuple((measured, actuator) for measured, actuator in pairs)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"pairs = {pairs!r} is not allowed: a list of (measured output, actuator input) is needed"
+        ) from None
+    if not clean:
+        raise InputError("pairs is empty: at least one (measured output, actuator input) is needed")
+    return clean
+
+
+def _bounds(name: str, bounds: Any, count: int, at_least: float | None = None) -> FloatArray:
+    """Return bounds as (count, 2); one (lower, upper) serves all."""
+    try:
+        array = np.asarray(bounds, dtype=float)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape == (2,):
+        array = np.tile(array, (count, 1))
+    if array.shape != (count, 2):
+        raise InputError(
+            f"{name} = {bounds!r} is not allowed: one (lower, upper) for each of {count} pairs is needed"
+        )
+    for k, row in enumerate(array):
+        low, high = validation.vector(f"{name}[{k}]", row, at_least=at_least)
+        if low > high:
+            raise InputError(f"{name}[{k}] = ({low:g}, {high:g}) is not allowed: lower is above upper")
+    return array

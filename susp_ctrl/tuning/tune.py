@@ -1,0 +1,170 @@
+"""`tune`: swarm, local polish, and the full stability verdict on what is returned."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult
+
+from susp_ctrl import validation
+from susp_ctrl.delay_systems import StabilityVerdict, stability
+from susp_ctrl.errors import InputError, UndecidedStabilityWarning
+from susp_ctrl.tuning.polish import polish
+from susp_ctrl.tuning.problem import TuningProblem
+from susp_ctrl.tuning.swarm import pso
+
+FloatArray = NDArray[np.float64]
+
+# Two designs nearer than this in every scaled coordinate are taken to lie in one basin.
+BASIN_SIZE = 0.05
+# Values closer than this, relative to the passive value, are equal: the better damped design wins.
+TIE = 1e-9
+
+
+def tune(
+    problem: TuningProblem,
+    particles: int = 60,
+    iterations: int = 200,
+    seed: int | np.random.Generator = 0,
+    *,
+    polish_starts: int = 4,
+    **swarm: Any,
+) -> OptimizeResult:
+    r"""Find the gains and delays of a tuning problem: min J(x) over the box, subject to stability.
+
+    A particle swarm with feasibility-first comparison, then a bounded local polish from the best basins the
+    swarm still holds, then the full stability verdict (roots, argument principle and sweep must agree) on the
+    best design; if the verdict is not "stable", the next best one is taken. Of designs with equal J (within
+    1e-9 of the passive value) the best damped one is returned.
+
+    Parameters
+    ----------
+    problem : TuningProblem
+        What is tuned.
+    particles, iterations, seed
+        As in `pso`.
+    polish_starts : int
+        Number of basins to polish; 0 returns the swarm's own best.
+    **swarm
+        Further settings of `pso`: topology, preset, inertia, cognitive, social, velocity_clamp, stagnation,
+        patience, tolerance, target, initial, callback.
+
+    Returns
+    -------
+    scipy.optimize.OptimizeResult
+        x = [gains..., delays...], fun, success, status, message, nit, nfev; channels (list of
+        FeedbackChannel), stability (verdict; of several plants the one with the rightmost root),
+        stabilities (one per plant), history (DataFrame of the swarm), passive_value (J without control),
+        swarm_fun (J before the polish), refused (number of better designs the verdict did not confirm).
+        Without a feasible design success is False, fun nan, channels empty and stability None; x is then the
+        point that came nearest.
+
+    Raises
+    ------
+    InputError
+        For settings out of range.
+
+    Examples
+    --------
+    >>> import susp_ctrl as sc
+    >>> car, road = sc.HalfCar(), sc.RandomRoad(iso_class="C", speed=20.0)
+    >>> lags = {"road_front": 0.0, "road_rear": car.axle_lag(20.0)}
+    >>> problem = sc.TuningProblem(
+    ...     car.plant(),
+    ...     pairs=[("unsprung_displacement_front", "force_front"), ("unsprung_displacement_rear", "force_rear")],
+    ...     objective=sc.RoadRms(road, {"body_acceleration": 0.7, "pitch_acceleration": 0.3}, lags),
+    ...     gain_bounds=[(-34000, 34000), (-44000, 44000)],
+    ... )
+    >>> best = sc.tune(problem)
+    >>> bool(best.success), bool(best.fun < 0.9 * best.passive_value)
+    (True, True)
+    """
+    if not isinstance(problem, TuningProblem):
+        raise InputError(f"problem is a {type(problem).__name__}: a TuningProblem is needed")
+    starts = validation.integer("polish_starts", polish_starts, at_least=0)
+    found = pso(
+        problem.evaluate, problem.lower, problem.upper, particles, iterations, seed=seed, **swarm
+    )  # fmt: skip
+    feasible = found["candidate_violations"] == 0
+    candidates, values = found["candidates"][feasible], found["candidate_values"][feasible]
+    polished = [polish(problem, x) for x in _basins(problem, candidates)[:starts]]
+    if polished:
+        candidates = np.concatenate([polished, candidates])
+        values = np.concatenate([problem.values(np.array(polished)), values])
+
+    chosen, verdicts, refused = _select(problem, candidates, values)
+    message = str(found["message"])
+    if chosen is None and found["success"]:
+        message = f"no feasible point found: the stability verdict confirmed none of {refused} candidates"
+    elif refused:
+        message += f"; the stability verdict did not confirm {refused} better designs"
+    result = OptimizeResult()
+    result.update(
+        x=found["x"] if chosen is None else candidates[chosen],
+        fun=np.nan if chosen is None else float(values[chosen]),
+        success=chosen is not None,
+        status=found["status"],
+        message=message,
+        nit=found["nit"],
+        nfev=found["nfev"],
+        channels=[] if chosen is None else problem.channels(candidates[chosen]),
+        stability=None if chosen is None else max(verdicts, key=lambda verdict: verdict.abscissa),
+        stabilities=verdicts,
+        history=found["history"],
+        passive_value=problem.passive_value,
+        swarm_fun=found["fun"],
+        refused=refused,
+    )
+    return result
+
+
+def _basins(problem: TuningProblem, candidates: FloatArray) -> list[FloatArray]:
+    """Return the first candidate of every basin."""
+    kept: list[FloatArray] = []
+    for x in candidates:
+        if not any(_together(problem, x, other) for other in kept):
+            kept.append(x)
+    return kept
+
+
+def _together(problem: TuningProblem, x: FloatArray, other: FloatArray) -> bool:
+    width = np.where(problem.upper > problem.lower, problem.upper - problem.lower, 1.0)
+    return bool(np.max(np.abs(x - other) / width) <= BASIN_SIZE)
+
+
+def _select(
+    problem: TuningProblem, candidates: FloatArray, values: FloatArray
+) -> tuple[int | None, list[StabilityVerdict], int]:
+    """Return the best candidate whose loops are all proven stable, its verdicts, and how many better failed."""
+    refused = 0
+    confirmed: list[tuple[float, int, list[StabilityVerdict]]] = []
+    worst = np.inf
+    for k in np.argsort(values, kind="stable"):
+        if values[k] > worst:
+            break
+        if any(_together(problem, candidates[k], candidates[other]) for _, other, _ in confirmed):
+            continue
+        verdicts = _verdicts(problem, candidates[k])
+        abscissa = max(verdict.abscissa for verdict in verdicts)
+        if not all(verdict.stable is True for verdict in verdicts) or abscissa >= -problem.decay_rate:
+            refused += not confirmed
+            continue
+        if not confirmed:
+            passive = abs(problem.passive_value)
+            worst = values[k] + TIE * (passive if np.isfinite(passive) else abs(values[k]))
+        confirmed.append((abscissa, int(k), verdicts))
+    if not confirmed:
+        return None, [], refused
+    # Of equally good basins the best damped one.
+    _, chosen, verdicts = min(confirmed, key=lambda entry: entry[0])
+    return chosen, verdicts, refused
+
+
+def _verdicts(problem: TuningProblem, x: FloatArray) -> list[StabilityVerdict]:
+    with warnings.catch_warnings():
+        # An undecided design is not returned; the next best one is looked at instead.
+        warnings.simplefilter("ignore", UndecidedStabilityWarning)
+        return [stability(loop) for loop in problem.loops(x)]
