@@ -27,16 +27,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.folding import FoldedLoop, fold, refuse_neutral
-from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray, Realization, lft_response, sample_plant
+from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray, Realization
+from susp_ctrl.delay_systems.loop_response import loop_response
 from susp_ctrl.delay_systems.operators import DelayOperators
 from susp_ctrl.delay_systems.python_control import PythonControlMethods
 from susp_ctrl.delay_systems.state_delays import state_delay_realization
 from susp_ctrl.delay_systems.transfer_functions import state_space_of
 from susp_ctrl.errors import InputError
-
-# Near a pole of P that the loop moves, P22 is large and H comes from P by cancellation. Beyond this size (three
-# digits) the closed matrix is solved directly.
-_LARGE_RETURN = 1e3
 
 
 class DelayLTI(DelayOperators, PythonControlMethods, LTI):
@@ -253,7 +250,8 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         complex or ndarray of complex
         """
         points = np.atleast_1d(np.asarray(x, dtype=complex))
-        values = np.moveaxis(self._evaluate(points), 0, -1)
+        loop = self.folded
+        values = np.moveaxis(loop_response(loop.plant, points, loop.exponentials(points)), 0, -1)
         if np.ndim(x) == 0:
             values = values[..., 0]
         setting = (
@@ -263,17 +261,6 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
             return np.squeeze(values)
         if setting is None and self.issiso():
             return values[0, 0]
-        return values
-
-    def _evaluate(self, s: ComplexArray) -> ComplexArray:
-        loop = self.folded
-        E = loop.exponentials(s)
-        P = sample_plant(loop.plant, s)
-        values = lft_response(P, E)
-        around_pairs = np.abs(P.p22 * np.swapaxes(P.p22, 1, 2)).max(axis=(1, 2), initial=0.0)
-        direct = ~(around_pairs < _LARGE_RETURN**2) | ~np.isfinite(values).all(axis=(1, 2))
-        if np.any(direct):
-            values[direct] = _evaluate_directly(loop.plant, s[direct], E[direct])
         return values
 
     def dcgain(self, warn_infinite: bool = False) -> Any:
@@ -291,25 +278,6 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         )
 
     __repr__ = __str__
-
-
-def _evaluate_directly(plant: Realization, s: ComplexArray, E: ComplexArray) -> ComplexArray:
-    """Solve the closed loop's matrix itself: valid at poles of the open plant, slower."""
-    Ez = E[:, None, :]
-    around = np.eye(plant.n_channels) - plant.D22 * Ez
-    delayed_from_state = np.linalg.solve(around, np.broadcast_to(plant.C2, (s.size, *plant.C2.shape)))
-    delayed_from_input = np.linalg.solve(around, np.broadcast_to(plant.D21, (s.size, *plant.D21.shape)))
-    closed = s[:, None, None] * np.eye(plant.n_states) - plant.A - (plant.B2 * Ez) @ delayed_from_state
-    right_side = plant.B1 + (plant.B2 * Ez) @ delayed_from_input
-    try:
-        state = np.linalg.solve(closed, right_side)
-    except np.linalg.LinAlgError:
-        singular = np.linalg.cond(closed) > 1e15
-        state = np.full(right_side.shape, np.inf + 0j)
-        state[~singular] = np.linalg.solve(closed[~singular], right_side[~singular])
-    to_output = plant.D12 * Ez
-    values: ComplexArray = (plant.C1 + to_output @ delayed_from_state) @ state
-    return values + plant.D11 + to_output @ delayed_from_input
 
 
 def _split(system: control.StateSpace, channels: int) -> Realization:
