@@ -78,6 +78,7 @@ def draw_intervals(
     claims: Mapping[str, float] | None = None,
     claim_label: str = "published limit",
     xlabel: str = "delay (s)",
+    legend: bool = True,
     title: str | None = None,
 ) -> Axes:
     """Draw the stable and unstable intervals of a delay as bars, one row per loop.
@@ -95,8 +96,8 @@ def draw_intervals(
         Row label -> a published end of the stable interval (s), marked by a vertical bar, and its meaning.
     xlabel
         Name and unit of the delay.
-    title
-        Title of the axes.
+    legend, title
+        As in `susp_ctrl.plotting.draw_magnitude`; the legend stands above the axes.
 
     Returns
     -------
@@ -108,25 +109,25 @@ def draw_intervals(
         "unstable": {"facecolor": "#8A8A8A", "hatch": "////"},
         "undecided": {"facecolor": "#E2E2E2", "hatch": "...."},
     }
-    drawn: dict[str, Any] = {}
+    named: set[str] = set()
     end = 0.0
     for row, intervals in enumerate(rows.values()):
         for start, stop, roots in intervals:
             kind = "undecided" if roots < 0 else "stable" if roots == 0 else "unstable"
-            bars = ax.barh(
-                row, stop - start, left=start, height=0.52, edgecolor=BLACK, linewidth=0.7, **looks[kind]
-            )
-            drawn.setdefault(kind, bars[0])
+            label = kind if kind not in named else None
+            named.add(kind)
+            ax.barh(
+                row, stop - start, left=start, height=0.52, edgecolor=BLACK, linewidth=0.7, label=label, **looks[kind]
+            )  # fmt: skip
             end = max(end, stop)
             if roots > 0:
                 ax.annotate(
                     str(roots), ((start + stop) / 2.0, row), ha="center", va="center", fontsize=6.5,
                     bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "linewidth": 0.0},
                 )  # fmt: skip
-    handles, labels = list(drawn.values()), list(drawn)
     names = list(rows)
-    below: dict[str, Any] = {"marker": "^", "color": BLACK, "markersize": 5}
-    across: dict[str, Any] = {"marker": "|", "color": VERMILLION, "markersize": 17}
+    below: dict[str, Any] = {"marker": "^", "color": BLACK, "markersize": 4.5}
+    across: dict[str, Any] = {"marker": "|", "color": VERMILLION, "markersize": 15}
     for values, label, marker, offset in (
         (marks or {}, mark_label, below, 0.36),
         (claims or {}, claim_label, across, 0.0),
@@ -134,9 +135,15 @@ def draw_intervals(
         placed = [(value, names.index(name) + offset) for name, value in values.items() if name in rows]
         if placed:
             points = np.array(placed)
-            (line,) = ax.plot(points[:, 0], points[:, 1], linestyle="", markeredgewidth=1.6, **marker)
-            handles.append(line)
-            labels.append(label)
+            ax.plot(
+                points[:, 0],
+                points[:, 1],
+                linestyle="",
+                markeredgewidth=1.4,
+                label=label,
+                clip_on=False,
+                **marker,
+            )
     ax.set_yticks(range(len(names)), names)
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.set_xlim(0.0, end or 1.0)
@@ -144,7 +151,6 @@ def draw_intervals(
     ax.set_xlabel(xlabel)
     if title:
         ax.set_title(title)
-    ax.legend(
-        handles, labels, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(labels), frameon=False
-    )
+    if legend:
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, frameon=False)
     return ax

@@ -1,1 +1,8 @@
-"""To be filled."""
+"""From the data of a study to tables, figures, a PDF and a folder of files. Computes no engineering number."""
+
+from __future__ import annotations
+
+from susp_ctrl.report.result import FigureGallery, StudyResult, run_study
+from susp_ctrl.report.saving import SaveError, check_folder
+
+__all__ = ["FigureGallery", "SaveError", "StudyResult", "check_folder", "run_study"]

@@ -1,0 +1,162 @@
+"""The PDF: the sections as plain data for the template, and its compilation by typst.
+
+Values travel as JSON in a file that the template reads; no value is ever part of the markup. The template uses the
+fonts that come with typst and no package from the net, so the document looks the same on every machine.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, assert_never, cast
+
+from susp_ctrl.report.blocks import Block, Box, Equations, Figure, Section, Table, Text
+
+if TYPE_CHECKING:
+    from susp_ctrl.study.result import StudyRun
+
+DATA_FILE = "report.json"
+NO_TYPST = "report.pdf is left out: the package typst is not installed (pip install typst)"
+"""What is said where the wheel that sets the PDF is missing."""
+
+
+def opening(run: StudyRun) -> list[Block]:
+    """Return what stands on the first page: the verdict box, and what a reader must be warned of."""
+    blocks: list[Block] = [Box("In short", run.headlines)]
+    if run.undecided:
+        assert run.stability is not None
+        names = {design.key: design.label for design in run.designs}
+        verdicts = run.stability.verdicts
+        open_ones = [names[key] for key in verdicts.loc[verdicts["verdict"] == "undecided", "design"]]
+        blocks.append(
+            Box(
+                "Undecided stability",
+                (
+                    f"The methods differ, or a root lies on the axis as far as can be told: {', '.join(open_ones)}.",
+                ),
+                warning=True,
+            )
+        )
+    return blocks
+
+
+def payload(run: StudyRun, sections: Sequence[Section], figure_folder: str = "figures") -> dict[str, Any]:
+    """Return everything the template needs, as data that JSON can hold.
+
+    Parameters
+    ----------
+    run
+        The data of the study (title, provenance, headlines).
+    sections
+        The chapters.
+    figure_folder
+        Folder of the PDF figures, relative to the data file.
+    """
+    versions = run.provenance.versions
+    return {
+        "title": run.study.title,
+        "source": run.study.settings.source,
+        "description": run.study.settings.description,
+        "file": run.provenance.study_file,
+        "footer": f"susp_ctrl {versions.get('susp_ctrl', '')}"
+        + (f" · study {run.provenance.study_sha256[:12]}" if run.provenance.study_sha256 else ""),
+        "opening": [block_data(block, figure_folder) for block in opening(run)],
+        "sections": [
+            {
+                "title": section.title,
+                "blocks": [block_data(b, figure_folder) for b in section.blocks if _is_shown(b)],
+            }
+            for section in sections
+        ],
+    }
+
+
+def block_data(block: Block, figure_folder: str) -> dict[str, Any]:
+    """Return one block as data for the template."""
+    match block:
+        case Text():
+            return {
+                "kind": "text",
+                "text": block.text,
+                "items": list(block.items),
+                "numbered": block.numbered,
+            }
+        case Equations():
+            return {"kind": "equations", "name": block.name}
+        case Box():
+            return {"kind": "box", "title": block.title, "lines": list(block.lines), "warning": block.warning}
+        case Figure():
+            return {"kind": "figure", "path": f"{figure_folder}/{block.key}.pdf", "caption": block.caption}
+        case Table():
+            rows = block.cells()
+            size, gap = _table_size(block, rows)
+            return {
+                "kind": "table",
+                "caption": block.caption,
+                "note": block.note,
+                "size": size,
+                "gap": gap,
+                "columns": [
+                    {"heading": c.heading, "align": c.align, "wrap": c.kind == "long"} for c in block.columns
+                ],
+                "rows": rows,
+            }
+    assert_never(block)
+
+
+def write_pdf(folder: Path, data: dict[str, Any], name: str = "report.pdf") -> Path | None:
+    """Set the document in `folder`, which holds the figures; return its path, or None where typst is missing.
+
+    Parameters
+    ----------
+    folder
+        Root of the document.
+    data
+        Of `payload`.
+    name
+        File name of the PDF.
+
+    Raises
+    ------
+    RuntimeError
+        The template cannot be set with this data (a fault of this program, never of the user's).
+    """
+    try:
+        import typst
+    except ImportError:
+        return None
+    source = folder / DATA_FILE
+    source.write_text(json.dumps(data, ensure_ascii=False), encoding="utf-8")
+    template: bytes = files("susp_ctrl.report").joinpath("template.typ").read_bytes()
+    try:
+        document = typst.compile(
+            template, root=str(folder), ignore_system_fonts=True, sys_inputs={"data": f"/{DATA_FILE}"}
+        )
+    finally:
+        source.unlink()
+    target = folder / name
+    target.write_bytes(cast(bytes, document))
+    return target
+
+
+def _is_shown(block: Block) -> bool:
+    return not isinstance(block, Table) or (block.in_document and bool(block.columns))
+
+
+def _table_size(table: Table, rows: list[dict[str, Any]]) -> tuple[float, float]:
+    # Wide tables are set smaller and tighter; the estimate counts the characters of the widest cell per column.
+    total = 0.0
+    for position, column in enumerate(table.columns):
+        cells = [row["cells"][position] for row in rows if "cells" in row]
+        words = column.heading.split()
+        width = max(
+            [len(word) for word in words] + ([0] if column.kind == "long" else [len(c) for c in cells]),
+            default=0,
+        )
+        total += max(width, 14) if column.kind == "long" else width
+    total += 2 * len(table.columns)
+    if total <= 84:
+        return 9.0, 5.0
+    return (8.2, 4.0) if total <= 100 else (7.2, 2.6)

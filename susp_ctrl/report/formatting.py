@@ -1,0 +1,108 @@
+"""Numbers, units and signal names as a reader expects to see them. Display only: nothing here feeds a CSV."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_MINUS, _THIN = "\N{MINUS SIGN}", "\N{THIN SPACE}"
+NOTHING = "–"
+"""What stands where there is no value."""
+
+
+def number_text(value: Any, digits: int = 4) -> str:
+    """Return a number with `digits` significant digits.
+
+    From 0.001 up to 9 999 999 in plain notation (thousands apart from 10 000), beyond that with a power of ten.
+
+    Examples
+    --------
+    >>> number_text(0.00097508), number_text(-28.19843, 3), number_text(192000.0)
+    ('9.751×10⁻⁴', '−28.2', '192\u2009000')
+    """
+    if value is None:
+        return NOTHING
+    number = float(value)
+    if math.isnan(number):
+        return NOTHING
+    if math.isinf(number):
+        return "∞" if number > 0 else f"{_MINUS}∞"
+    if number == 0.0:
+        return "0"
+    mantissa, _, power = f"{number:.{digits - 1}e}".partition("e")
+    exponent = int(power)
+    if -3 <= exponent < 7:
+        return grouped(f"{number:.{max(digits - 1 - exponent, 0)}f}")
+    return f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPTS)}".replace("-", _MINUS)
+
+
+def exact_text(value: Any, digits: int = 8) -> str:
+    """Return a given number (a setting, a printed value) without digits that were never there.
+
+    Examples
+    --------
+    >>> exact_text(40.5), exact_text(0.5530), exact_text(1e-6)
+    ('40.5', '0.553', '1×10⁻⁶')
+    """
+    if value is None or not math.isfinite(float(value)):
+        return number_text(value)
+    number = float(value)
+    if number != 0.0 and not 1e-4 <= abs(number) < 1e8:
+        mantissa, _, power = f"{number:.{digits - 1}e}".partition("e")
+        mantissa = mantissa.rstrip("0").rstrip(".")
+        return f"{mantissa}×10{str(int(power)).translate(_SUPERSCRIPTS)}".replace("-", _MINUS)
+    text = f"{number:.{digits}g}"
+    return grouped(f"{number:.0f}" if "e" in text else text)
+
+
+def fixed_text(value: Any, decimals: int) -> str:
+    """Return a number with a fixed number of decimals."""
+    if value is None or not math.isfinite(float(value)):
+        return number_text(value)
+    text = f"{float(value):.{decimals}f}"
+    return grouped(text.lstrip("-") if float(text) == 0.0 else text)
+
+
+def change_text(percent: Any) -> str:
+    """Return a change in percent with its sign and a mark: ▼ less, ▲ more, = the same to one decimal.
+
+    Examples
+    --------
+    >>> change_text(-28.2), change_text(11.04), change_text(0.01)
+    ('−28.2\u2009▼', '+11.0\u2009▲', '0.0\u2009=')
+    """
+    if percent is None or not math.isfinite(float(percent)):
+        return NOTHING
+    text = fixed_text(percent, 1)
+    if float(f"{float(percent):.1f}") == 0.0:
+        return f"{text}{_THIN}="
+    return f"+{text}{_THIN}▲" if float(percent) > 0 else f"{text}{_THIN}▼"
+
+
+def grouped(text: str) -> str:
+    """Return decimal text with a true minus sign and, from 10 000 on, thousands apart."""
+    sign, text = (_MINUS, text[1:]) if text.startswith("-") else ("", text)
+    whole, point, decimals = text.partition(".")
+    if len(whole) >= 5:
+        whole = f"{int(whole):,}".replace(",", _THIN)
+    return f"{sign}{whole}{point}{decimals}"
+
+
+def unit_text(unit: str) -> str:
+    """Return a unit with raised exponents: ``m/s2`` becomes ``m/s²``."""
+    return re.sub(r"(?<=[A-Za-z])([2-9])", lambda match: match.group(1).translate(_SUPERSCRIPTS), unit)
+
+
+def signal_text(name: str) -> str:
+    """Return the name of a signal or parameter as words: ``tire_deflection_front``, "front tire deflection"."""
+    words = name.split("_")
+    if words[-1] in ("front", "rear") and len(words) > 1:
+        words = [words[-1], *words[:-1]]
+    return " ".join(words)
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Return ``name (unit)``, or the name alone."""
+    return f"{name} ({unit_text(unit)})" if unit else name

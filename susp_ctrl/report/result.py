@@ -1,0 +1,251 @@
+"""`StudyResult`: a finished study as tables, figures and a folder of files; `run_study` makes one."""
+
+from __future__ import annotations
+
+import html
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from susp_ctrl.report.blocks import Figure, Section, Table
+from susp_ctrl.report.document import NO_TYPST, payload, write_pdf
+from susp_ctrl.report.saving import MANIFEST, replacing, write_manifest
+from susp_ctrl.report.sections import sections_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from susp_ctrl.study.result import StudyRun
+    from susp_ctrl.study import Study
+
+Progress = Callable[[str, float], None]
+
+_HISTORY_FORMAT = "%.9g"  # the simulation is good to 1e-8; full precision would double the largest files
+
+
+class FigureGallery(Mapping[str, "MatplotlibFigure"]):
+    """Figures by name, each drawn when it is first asked for."""
+
+    def __init__(self, figures: tuple[Figure, ...]) -> None:
+        self._specifications = {figure.key: figure for figure in figures}
+        self._drawn: dict[str, MatplotlibFigure] = {}
+
+    def __getitem__(self, name: str) -> MatplotlibFigure:
+        if name not in self._drawn:
+            self._drawn[name] = self._specifications[name].draw()
+        return self._drawn[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._specifications)
+
+    def __len__(self) -> int:
+        return len(self._specifications)
+
+    def __repr__(self) -> str:
+        return f"FigureGallery({', '.join(self._specifications)})"
+
+    def caption(self, name: str) -> str:
+        """Return what a figure shows."""
+        return self._specifications[name].caption
+
+
+class StudyResult:
+    """What a study gives: data, tables, figures, and a report that can be saved.
+
+    Parameters
+    ----------
+    data : StudyRun
+        What the study computed.
+
+    Attributes
+    ----------
+    data : StudyRun
+        All numbers, in SI units.
+    sections : tuple of Section
+        The report as content: text, equations, tables, figures.
+    tables : dict of str to DataFrame
+        Every table of the report, in SI units and full precision.
+    figures : mapping of str to matplotlib Figure
+        Every figure of the report, drawn when it is first asked for.
+    summary : tuple of str
+        The three lines a person most wants to know.
+    """
+
+    def __init__(self, data: StudyRun) -> None:
+        self.data = data
+
+    @cached_property
+    def sections(self) -> tuple[Section, ...]:
+        """The chapters of the report."""
+        return sections_of(self.data)
+
+    @cached_property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Every table by name."""
+        return {table.key: table.frame for table in self._tables}
+
+    @cached_property
+    def figures(self) -> FigureGallery:
+        """Every figure by name, drawn on demand."""
+        return FigureGallery(self._figures)
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """The three lines a person most wants to know."""
+        return self.data.headlines
+
+    def save(self, folder: str | Path, *, progress: Progress | None = None) -> list[Path]:
+        """Write the report: ``report.pdf``, ``tables/*.csv``, ``figures/*.png`` and ``*.pdf``, ``manifest.json``.
+
+        The folder is replaced as a whole or not at all, see `susp_ctrl.report.replacing`.
+
+        Parameters
+        ----------
+        folder
+            Where to: a new folder, an empty one, or that of an earlier report.
+        progress
+            Called with (what is being written, fraction done).
+
+        Returns
+        -------
+        list of Path
+            The files written.
+
+        Raises
+        ------
+        InputError
+            The folder is a file, the current folder, or holds other things than a report.
+        SaveError
+            The file system refuses (read-only, disk full); nothing was changed.
+        """
+        report = progress or (lambda stage, fraction: None)
+        target = Path(folder)
+        with replacing(target) as partial:
+            self._write_tables(partial / "tables")
+            self._write_figures(partial / "figures", report)
+            report("setting the document", 0.9)
+            if write_pdf(partial, payload(self.data, self.sections)) is None:
+                warnings.warn(NO_TYPST, stacklevel=2)
+            write_manifest(partial, self._about())
+            written = sorted(path.relative_to(partial) for path in partial.rglob("*") if path.is_file())
+        report("done", 1.0)
+        return [target / path for path in written]
+
+    @property
+    def _tables(self) -> tuple[Table, ...]:
+        return tuple(table for section in self.sections for table in section.tables)
+
+    @property
+    def _figures(self) -> tuple[Figure, ...]:
+        return tuple(figure for section in self.sections for figure in section.figures)
+
+    def _write_tables(self, folder: Path) -> None:
+        folder.mkdir()
+        for table in self._tables:
+            digits = _HISTORY_FORMAT if table.key.startswith("history_") else None
+            table.frame.to_csv(
+                folder / f"{table.key}.csv",
+                index=False,
+                lineterminator="\n",
+                encoding="utf-8",
+                float_format=digits,
+            )
+
+    def _write_figures(self, folder: Path, report: Progress) -> None:
+        from susp_ctrl.plotting import save_figure
+
+        folder.mkdir()
+        for number, figure in enumerate(self._figures):
+            report(f"drawing {figure.key.replace('_', ' ')}", 0.9 * number / len(self._figures))
+            drawn = figure.draw()
+            save_figure(drawn, folder / f"{figure.key}.png")
+            drawn.set_layout_engine("none")  # the layout stands; a second pass would only cost time
+            save_figure(drawn, folder / f"{figure.key}.pdf")
+
+    def _about(self) -> dict[str, Any]:
+        source = self.data.provenance
+        return {
+            "title": self.data.study.title,
+            "study_file": source.study_file,
+            "study_sha256": source.study_sha256,
+            "versions": dict(source.versions),
+            "seeds": dict(source.seeds),
+            "summary": list(self.summary),
+            "undecided": self.data.undecided,
+        }
+
+    def __repr__(self) -> str:
+        lines = [f"StudyResult: {self.data.study.title}", *(f"  {line}" for line in self.summary)]
+        lines.append(f"  tables: {', '.join(self.tables)}")
+        lines.append(f"  figures: {', '.join(self.figures)}")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """Show title, summary and the tables of the document, as a notebook asks for it."""
+        parts = [f"<h3>{html.escape(self.data.study.title)}</h3>"]
+        parts += [f"<p>{html.escape(line)}</p>" for line in self.summary]
+        for table in self._tables:
+            if table.in_document and table.columns:
+                parts.append(
+                    f"<details><summary>{html.escape(table.caption)}</summary>{table_html(table)}</details>"
+                )
+        names = ", ".join(f"<code>{html.escape(name)}</code>" for name in self.figures)
+        parts.append(f"<p>Figures, drawn on demand by <code>.figures[name]</code>: {names}</p>")
+        return "\n".join(parts)
+
+
+def table_html(table: Table) -> str:
+    """Return a table as HTML, with the digits of the document."""
+    sides = [f' style="text-align:{column.align}"' for column in table.columns]
+    head = "".join(
+        f"<th{side}>{html.escape(column.heading)}</th>"
+        for side, column in zip(sides, table.columns, strict=True)
+    )
+    body = []
+    for row in table.cells():
+        if "group" in row:
+            text = html.escape(row["group"])
+            body.append(f'<tr><th colspan="{len(sides)}" style="text-align:left">{text}</th></tr>')
+            continue
+        cells = "".join(
+            f"<td{side}>{html.escape(cell)}</td>" for side, cell in zip(sides, row["cells"], strict=True)
+        )
+        body.append(f"<tr>{cells}</tr>")
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+
+
+def run_study(study: Study, progress: Progress | None = None) -> StudyResult:
+    """Compute a study and return its result: tables, figures, and a report that can be saved.
+
+    Parameters
+    ----------
+    study : Study
+        Of `susp_ctrl.load_study`.
+    progress : callable, optional
+        Called with (stage in words, fraction done) while it runs.
+
+    Returns
+    -------
+    StudyResult
+
+    Raises
+    ------
+    InputError
+        The study cannot be run as it is.
+
+    Examples
+    --------
+    >>> import susp_ctrl as sc
+    >>> result = sc.run_study(sc.load_study("studies/wu_ren_2020.toml"))    # doctest: +SKIP
+    >>> result.tables["rms_harmonic"]                                       # doctest: +SKIP
+    >>> result.save("out/wu_ren_2020")                                      # doctest: +SKIP
+    """
+    from susp_ctrl.study import compute_study
+
+    return StudyResult(compute_study(study, progress=progress))
+
+
+__all__ = ["MANIFEST", "FigureGallery", "StudyResult", "run_study", "table_html"]

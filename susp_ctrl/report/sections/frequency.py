@@ -1,0 +1,109 @@
+"""Frequency responses: Bode plots, |H| per road velocity, and its peaks."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
+from susp_ctrl.report.formatting import signal_text, unit_text
+from susp_ctrl.report.looks import labels, looks
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from susp_ctrl.study.result import FrequencySection, StudyRun
+
+_BODE_OUTPUTS = ("body_acceleration", "pitch_acceleration")
+
+
+def frequency_section(run: StudyRun) -> Section | None:
+    """Return the section on frequency responses, or None if the study has none."""
+    data = run.frequency
+    if data is None:
+        return None
+    blocks: list[Block] = [
+        Text(
+            "All responses are evaluated with the exact delay factor at every frequency; nothing is approximated. "
+            "“Lagged” means that the same road meets the following wheels later by the travel time over the "
+            "wheelbase, “in phase” that it meets all wheels at once."
+        )
+    ]
+    for output in [name for name in _BODE_OUTPUTS if name in data.outputs] or list(data.outputs[:2]):
+        blocks.append(
+            Figure(
+                key=f"bode_{output}",
+                caption=f"Bode plot from road displacement to {signal_text(output)}, exact delays, lagged road: "
+                "magnitude and unwrapped phase.",
+                draw=partial(_bode, run, data, output),
+            )
+        )
+    rows = " Upper row: lagged road; lower row: wheels in phase." if data.velocity_gain_in_phase else ""
+    blocks += [
+        Figure(
+            key="velocity_gain",
+            caption=f"|H| per road velocity of passive car, published and tuned designs.{rows}",
+            draw=partial(_velocity_gain, run, data),
+        ),
+        Table(
+            key="frequency_peaks",
+            caption="Highest point of |H| per road velocity.",
+            frame=data.peaks,
+            columns=(
+                Column("design", "design", "long", words=labels(run)),
+                Column("output", "output", "signal"),
+                Column("road", "road"),
+                Column("omega_rad_per_s", "ω (rad/s)", "number", 4),
+                Column("frequency_Hz", "f (Hz)", "number", 4),
+                Column("gain", "|H|", "number", 4),
+                Column("unit", "unit", "unit"),
+            ),
+        ),
+    ]
+    return Section("Frequency response", tuple(blocks))
+
+
+def _bode(run: StudyRun, data: FrequencySection, output: str) -> MatplotlibFigure:
+    from susp_ctrl.plotting import draw_bode, new_figure, shared_legend
+
+    figure, axes = new_figure(2, 1, height=4.9, sharex=True, height_ratios=(1.25, 1.0))
+    row = data.outputs.index(output)
+    names = labels(run)
+    unit = run.signal_units.get(output, "")
+    draw_bode(
+        data.omega,
+        {names[key]: data.bode[key][row] for key in data.curve_designs},
+        (axes[0, 0], axes[1, 0]),
+        ylabel=f"{signal_text(output)}\n(dB re 1 {unit_text(unit)} per m)",
+        styles=looks(run.designs),
+        legend=False,
+    )
+    shared_legend(figure, axes[:1], columns=3)
+    return figure
+
+
+def _velocity_gain(run: StudyRun, data: FrequencySection) -> MatplotlibFigure:
+    from susp_ctrl.plotting import draw_magnitude, new_figure, shared_legend
+
+    rows = [("lagged", data.velocity_gain)]
+    if data.velocity_gain_in_phase:
+        rows.append(("in phase", data.velocity_gain_in_phase))
+    columns = len(data.curve_outputs)
+    figure, axes = new_figure(len(rows), columns, height=0.6 + 2.6 * len(rows), sharex=True)
+    names = labels(run)
+    for row, (road, gains) in enumerate(rows):
+        for column, output in enumerate(data.curve_outputs):
+            unit = "rad/(m s)" if run.signal_units.get(output, "").startswith("rad") else "1/s"
+            ax = draw_magnitude(
+                data.omega,
+                {names[key]: gains[key][column] for key in data.curve_designs},
+                axes[row, column],
+                ylabel=f"|H| ({unit})",
+                styles=looks(run.designs),
+                legend=False,
+                title=f"{signal_text(output)}, {road}",
+            )
+            if row + 1 < len(rows):
+                ax.set_xlabel("")
+    shared_legend(figure, axes, columns=3)
+    return figure

@@ -1,0 +1,268 @@
+"""Stability: the verdict on every design, its rightmost roots, the delay sweeps, the proof for the search box."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
+from susp_ctrl.report.formatting import exact_text, number_text
+from susp_ctrl.report.looks import labels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from susp_ctrl.study.result import DelayIndependence, DelayLine, StabilitySection, StudyRun
+
+
+def stability_section(run: StudyRun) -> Section | None:
+    """Return the section on stability, or None if the study has none."""
+    data = run.stability
+    if data is None:
+        return None
+    names = labels(run)
+    blocks: list[Block] = [
+        Text(
+            "A verdict is never taken from one method: the characteristic roots, a count by the argument principle "
+            "and the frequency sweep must agree, otherwise the verdict is “undecided”."
+        ),
+        Table(
+            key="stability",
+            caption="Stability of all designs. Rightmost root: real part (spectral abscissa) and imaginary part.",
+            frame=data.verdicts,
+            columns=(
+                Column("design", "design", "long", words=names),
+                Column("verdict", "verdict"),
+                Column("abscissa", "abscissa (1/s)", "fixed", 5),
+                Column("abscissa_omega", "at ω (rad/s)", "fixed", 5),
+                Column("unstable_roots", "unstable roots", "integer"),
+                Column("delay_independent", "for every delay"),
+                Column("agreement", "the methods", "long"),
+            ),
+        ),
+        Table(
+            key="roots",
+            caption="Rightmost characteristic roots (one of each conjugate pair).",
+            frame=data.roots,
+            shown=data.roots.assign(label=data.roots["design"].map(names)),
+            columns=(
+                Column("real", "real part (1/s)", "fixed", 5),
+                Column("imaginary", "imaginary part (rad/s)", "fixed", 5),
+                Column("damping_ratio", "damping ratio", "fixed", 4),
+                Column("frequency_Hz", "frequency (Hz)", "fixed", 4),
+            ),
+            group="label",
+        ),
+    ]
+    if data.lines:
+        blocks += _lines(run, data)
+    if data.independence is not None:
+        blocks += _independence(data.independence)
+    return Section("Stability against delay", tuple(blocks))
+
+
+def _lines(run: StudyRun, data: StabilitySection) -> list[Block]:
+    crossings = pd.concat([_keyed(line, line.crossings) for line in data.lines], ignore_index=True)
+    blocks: list[Block] = [
+        Table(
+            key="delay_intervals",
+            caption="Intervals of the delay parameter τ with the number of unstable roots in each.",
+            frame=pd.concat([_keyed(line, line.intervals) for line in data.lines], ignore_index=True),
+            shown=_interval_rows(run, data),
+            columns=(
+                Column("label", "design", "long"),
+                Column("from", "τ from", "exact"),
+                Column("to", "to", "exact"),
+                Column("roots", "unstable roots", "integer"),
+                Column("design_at", "design at", "exact"),
+                Column("margin", "delay margin", "text"),
+                Column("crossings", "crossings", "integer"),
+            ),
+            group="line",
+            note="Delay margin: the first loss of stability along the line; ∞ only where stability is proven for "
+            "all τ ≥ 0, “none met” where no loss was met up to the end of the sweep but none is excluded beyond it.",
+        ),
+        Table(
+            key="delay_crossings",
+            caption="Crossings of the imaginary axis: a root pair lies on the axis at ±jω when the delay is τ.",
+            frame=crossings,
+            shown=crossings.assign(label=crossings["design"].map(labels(run))),
+            columns=(
+                Column("label", "design", "long"),
+                Column("line", "line"),
+                Column("tau", "τ", "number", 6),
+                Column("omega", "ω (rad/s)", "number", 6),
+                Column("tendency", "tendency", "integer"),
+            ),
+            note="Tendency: +1 to the right (a pair becomes unstable), −1 back to the left, 0 a touch.",
+            in_document=0 < len(crossings) <= 60,
+        ),
+    ]
+    for kind in dict.fromkeys(line.line for line in data.lines):
+        same = [line for line in data.lines if line.line == kind]
+        blocks.append(
+            Figure(
+                key=f"sweep_{kind}",
+                caption=f"Frequency sweep: {same[0].label}. A root pair can reach the imaginary axis only where a "
+                "curve meets the line at 1.",
+                draw=partial(_draw_sweeps, run, same),
+            )
+        )
+    blocks.append(
+        Figure(
+            key="delay_intervals",
+            caption="Stable (white) and unstable (hatched, with the number of unstable roots) intervals of τ. "
+            "Triangles: the design itself.",
+            draw=partial(_draw_intervals, run, data),
+        )
+    )
+    return blocks
+
+
+def _keyed(line: DelayLine, table: pd.DataFrame) -> pd.DataFrame:
+    keyed = table.copy()
+    keyed.insert(0, "design", line.design)
+    keyed.insert(1, "line", line.line)
+    return keyed
+
+
+def _interval_rows(run: StudyRun, data: StabilitySection) -> pd.DataFrame:
+    rows: list[dict[str, Any]] = []
+    names = labels(run)
+    for line in sorted(data.lines, key=lambda one: [other.line for other in data.lines].index(one.line)):
+        first = True
+        for interval in line.intervals.to_dict(orient="records"):
+            rows.append(
+                {
+                    "line": f"{line.label}: τ is the {line.parameter}",
+                    "label": names[line.design] if first else "",
+                    "from": interval["tau_from"],
+                    "to": interval["tau_to"],
+                    "roots": interval["unstable_roots"],
+                    "design_at": line.tau_of_design if first else None,
+                    "margin": _margin(line) if first else "",
+                    "crossings": len(line.crossings) if first else None,
+                }
+            )
+            first = False
+    return pd.DataFrame(rows)
+
+
+def _margin(line: DelayLine) -> str:
+    if line.delay_margin != line.delay_margin:
+        return "none met"
+    if line.delay_margin == float("inf"):
+        return "∞ (proven)" if line.proven else "∞"
+    return number_text(line.delay_margin, 6)
+
+
+def _draw_sweeps(run: StudyRun, lines: list[DelayLine]) -> MatplotlibFigure:
+    from susp_ctrl.plotting import draw_unit_modulus, new_figure, shared_legend
+
+    columns = min(len(lines), 3)
+    rows = -(-len(lines) // columns)
+    figure, axes = new_figure(rows, columns, height=0.5 + 2.05 * rows, sharex=True)
+    names = labels(run)
+    for number, (ax, line) in enumerate(zip(axes.flat, lines, strict=False)):
+        draw_unit_modulus(
+            line.figure_omega,
+            dict(zip(line.figure_names, line.figure_values, strict=True)),
+            ax,
+            crossings=line.crossings["omega"].to_numpy(),
+            ylabel="" if number % columns else _modulus_name(line),
+            styles=dict(zip(line.figure_names, (2, 1, 3, 4), strict=False)),
+            legend=False,
+            title=names[line.design],
+        )
+        if number + columns < len(lines):
+            ax.set_xlabel("")
+    for ax in axes.flat[len(lines) :]:
+        ax.set_visible(False)
+    shared_legend(figure, axes)
+    return figure
+
+
+def _modulus_name(line: DelayLine) -> str:
+    return "|z|" if all("z" in name for name in line.figure_names) else "modulus"
+
+
+def _draw_intervals(run: StudyRun, data: StabilitySection) -> MatplotlibFigure:
+    from susp_ctrl.plotting import draw_intervals, new_figure, shared_legend
+
+    names = labels(run)
+    kinds = list(dict.fromkeys(line.line for line in data.lines))
+    counts = [sum(line.line == kind for line in data.lines) for kind in kinds]
+    figure, axes = new_figure(
+        len(kinds), 1, height=0.5 + sum(0.62 + 0.24 * count for count in counts), height_ratios=counts
+    )
+    for ax, kind in zip(axes[:, 0], kinds, strict=True):
+        same = [line for line in data.lines if line.line == kind]
+        rows = {
+            names[line.design]: [
+                (float(start), float(stop), int(roots))
+                for start, stop, roots in line.intervals[["tau_from", "tau_to", "unstable_roots"]].to_numpy()
+            ]
+            for line in same
+        }
+        marks = {names[line.design]: line.tau_of_design for line in same if line.tau_of_design is not None}
+        draw_intervals(
+            rows,
+            ax,
+            marks=marks,
+            mark_label="the design",
+            xlabel=f"τ: {same[0].parameter}",
+            legend=False,
+            title=same[0].label,
+        )
+    shared_legend(figure, axes)
+    return figure
+
+
+def _independence(proof: DelayIndependence) -> list[Block]:
+    corner = ", ".join(f"{exact_text(gain)}" for gain in proof.gains["gain"])
+    units = ", ".join(dict.fromkeys(proof.gains["unit"]))
+    outcome = {
+        "stable": "Since this is below 1, every design inside the box is stable for every pair of delays.",
+        "unstable": "The loop at the corner of the box is not stable for every pair of delays.",
+        "undecided": "The test does not decide whether the box is stable for every pair of delays.",
+    }[proof.verdict]
+    return [
+        Text(
+            f"The whole search box at once: at its corner (gains {corner} {units}) the supremum of "
+            f"ρ(|G(jω)| diag|g|) is {number_text(proof.supremum, 5)}, at ω = {number_text(proof.omega, 5)} rad/s. "
+            f"{outcome} All gains could grow by the factor {number_text(proof.margin, 5)} before this proof fails."
+        ),
+        Table(
+            key="delay_independence",
+            caption="One channel at a time: gains smaller than the threshold are stable for every delay.",
+            frame=proof.single_channel,
+            columns=(
+                Column("measured", "measured", "signal"),
+                Column("actuator", "actuator", "signal"),
+                Column("gain_threshold", "threshold", "number", 7),
+                Column("unit", "unit", "unit"),
+                Column("omega_rad_per_s", "at ω (rad/s)", "number", 5),
+            ),
+        ),
+        Figure(
+            key="delay_independence",
+            caption="Small gain at the corner of the search box: below 1 throughout means stable for all delays.",
+            draw=partial(_draw_independence, proof),
+        ),
+    ]
+
+
+def _draw_independence(proof: DelayIndependence) -> MatplotlibFigure:
+    from susp_ctrl.plotting import draw_unit_modulus, new_figure
+
+    figure, axes = new_figure(height=2.3)
+    draw_unit_modulus(
+        proof.curve_omega,
+        {"ρ(|G(jω)| diag|g|)": proof.curve_radius},
+        axes[0, 0],
+        ylabel="spectral radius",
+        styles={"ρ(|G(jω)| diag|g|)": "tuned"},
+    )
+    return figure
