@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -167,7 +169,7 @@ def test_welch_psd_of_the_profile_lies_on_its_class(iso_class, speed):
     n, density = welch(road.profile(x / speed), fs=1 / dx, nperseg=2**17, window="hann")
     edges = road.edges[::37]  # octaves that end where bins end
     assert edges[-1] / edges[0] > 200
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         inside = (n >= low) & (n < high)
         power = np.sum(density[inside]) * (n[1] - n[0])
         expected = MEANS[iso_class] * 0.01 * (1 / low - 1 / high)

@@ -1,0 +1,193 @@
+from itertools import pairwise
+
+import control
+import numpy as np
+import oracles
+import pytest
+from scipy.integrate import quad
+
+from susp_ctrl.errors import InputError, UnstableSystemError
+from susp_ctrl.ride import iso2631_weighting, ride_indices, stationary_rms
+from susp_ctrl.ride.quadrature import integrate_spectra
+from susp_ctrl.road import HarmonicRoad, RandomRoad
+from susp_ctrl.vehicle import HalfCar, QuarterCar
+
+SIX = oracles.RIDE_OUTPUTS[:6]
+LAGS = {"road_front": 0.0, "road_rear": 0.138}
+
+
+def values(table):
+    return dict(zip(table["indicator"], table["value"], strict=True))
+
+
+def oracle_rms(output, weighting=None, gains=(0.0, 0.0), delays=(0.0, 0.0), v=20.0, g_d=256e-6):
+    """RMS by scipy's adaptive quadrature in the logarithm of f, from the 4 x 4 oracle, octave by octave."""
+
+    def density(log_f):
+        f = np.exp(log_f)
+        h = oracles.ride_response(2j * np.pi * f, gains, delays)[oracles.RIDE_OUTPUTS.index(output)]
+        h = h[0] + h[1] * np.exp(-2j * np.pi * f * 2.76 / v)
+        if weighting:
+            h = h * iso2631_weighting(2 * np.pi * f, weighting)
+        return abs(h) ** 2 * g_d * 0.01 * v / f**2 * f
+
+    edges = np.log(np.geomspace(0.011 * v, 2.83 * v, 30))
+    pieces = [quad(density, a, b, epsabs=0, epsrel=1e-9, limit=200)[0] for a, b in pairwise(edges)]
+    return np.sqrt(sum(pieces))
+
+
+@pytest.mark.literature
+def test_passive_car_on_class_c():
+    """Passive Table 1 car, class C, 20 m/s, 0.011 to 2.83 cycle/m; values to four decimals."""
+    road = RandomRoad(iso_class="C", speed=20.0)
+    found = values(stationary_rms(HalfCar().plant(), road, LAGS))
+    expected = [0.9291, 0.7078, 0.0116, 0.0112, 0.0040, 0.0042]
+    assert [found[name] for name in SIX] == pytest.approx(expected, abs=5e-5)
+    rougher = values(stationary_rms(HalfCar().plant(), RandomRoad(iso_class="D", speed=20.0), LAGS))
+    assert [rougher[name] / found[name] for name in SIX] == pytest.approx([2] * 6, rel=1e-12)
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("output", SIX)
+def test_rms_equals_adaptive_quadrature_of_the_oracle(output):
+    found = stationary_rms(HalfCar().plant(), RandomRoad(iso_class="C", speed=20.0), LAGS)
+    assert values(found)[output] == pytest.approx(oracle_rms(output), rel=1e-9)
+    assert found.attrs["relative_error"] < 1e-8
+
+
+@pytest.mark.analytical
+def test_weighted_rms_equals_adaptive_quadrature_of_the_oracle():
+    found = values(stationary_rms(HalfCar().plant(), RandomRoad(iso_class="C", speed=20.0), LAGS))
+    heave = oracle_rms("body_acceleration", "Wk")
+    pitch = oracle_rms("pitch_acceleration", "We")
+    assert found["body_acceleration_weighted"] == pytest.approx(heave, rel=1e-9)
+    assert found["pitch_acceleration_weighted"] == pytest.approx(pitch, rel=1e-9)
+    assert found["comfort_total"] == pytest.approx(np.hypot(heave, 0.4 * pitch), rel=1e-9)
+
+
+@pytest.mark.analytical
+def test_harmonic_road_gives_the_exact_steady_state():
+    """Passive car at 7 rad/s and 20 m/s, amplitude 0.05 m: the 4 x 4 solution at one frequency."""
+    found = values(stationary_rms(HalfCar().plant(), HarmonicRoad(0.05, 7.0), LAGS))
+    h = oracles.ride_response(7j)[:6]
+    expected = 0.05 / np.sqrt(2) * np.abs(h[:, 0] + h[:, 1] * np.exp(-7j * 0.138))
+    assert [found[name] for name in SIX] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.analytical
+def test_white_road_on_a_quarter_car_in_closed_form():
+    """Any linear system on white noise has its Lyapunov variance: an independent route to the same integral."""
+
+    class WhiteRoad:
+        band = (0.0, 2e6)
+
+        @staticmethod
+        def psd(omega):
+            return np.full(np.shape(omega), 1e-7)
+
+    car = QuarterCar()
+    plant = car.plant()
+    B = plant.B[:, :1]
+    covariance = control.lyap(plant.A, np.pi * 1e-7 * B @ B.T)  # one-sided G per rad/s: intensity pi G
+    row = plant.C[plant.output_labels.index("suspension_deflection")]
+    expected = np.sqrt(row @ covariance @ row)
+    found = values(stationary_rms(plant, WhiteRoad(), vehicle=car))["suspension_deflection"]
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.analytical
+def test_simulation_and_spectrum_agree_within_sampling_error():
+    """Long simulation of the passive car against the integral, every indicator that both define.
+
+    Of about 2 B T independent values a variance is known to 1/sqrt(B T): with B = 1 Hz and T = 400 s the RMS to 2.5 %
+    (1 sigma).
+    """
+    car = HalfCar(seat=None)
+    plant = car.plant()
+    road = RandomRoad(iso_class="C", speed=20.0, seed=3)
+    t = np.arange(0, 410, 2e-3)
+    signals = road.inputs(LAGS)
+    inputs = np.vstack([signals["road_front"](t), signals["road_rear"](t), np.zeros((2, t.size))])
+    simulated = values(
+        ride_indices(control.forced_response(plant, t, inputs), skip=10.0, vehicle=car, seat_position=0.4)
+    )
+    exact = values(stationary_rms(plant, road, LAGS, vehicle=car, seat_position=0.4))
+    assert set(exact) < set(simulated)
+    for name, value in exact.items():
+        assert simulated[name] == pytest.approx(value, rel=0.075), name
+
+
+@pytest.mark.analytical
+def test_tire_loads_from_the_spectrum():
+    car = HalfCar()
+    found = values(stationary_rms(car.plant(), RandomRoad(iso_class="B", speed=30.0), LAGS, vehicle=car))
+    assert found["tire_load_rear"] == pytest.approx(192000 * found["tire_deflection_rear"], rel=1e-12)
+    assert found["load_coefficient_rear"] == pytest.approx(found["tire_load_rear"] / 3511.0, rel=1e-4)
+
+
+@pytest.mark.analytical
+def test_wheelbase_lag_matters_and_phase_zero_is_no_lag():
+    """Equal cars, different lags: heave differs; a lag of one period of a harmonic road does not."""
+    plant = HalfCar().plant()
+    road = HarmonicRoad(0.05, 7.0)
+    one = values(stationary_rms(plant, road, {"road_front": 0.0, "road_rear": 0.0}))
+    period = values(stationary_rms(plant, road, {"road_front": 0.0, "road_rear": 2 * np.pi / 7}))
+    half = values(stationary_rms(plant, road, {"road_front": 0.0, "road_rear": np.pi / 7}))
+    for name in SIX:
+        assert period[name] == pytest.approx(one[name], rel=1e-10)
+    assert half["body_acceleration"] < 0.5 * one["body_acceleration"]
+
+
+@pytest.mark.analytical
+def test_adaptive_quadrature_in_closed_form():
+    """A narrow resonance and a ripple in one pass: arctan and sine integrals to the tolerance."""
+
+    def density(omega):
+        return np.array([0.01 / ((omega - 30) ** 2 + 1e-4), 1 + np.cos(5 * omega)])
+
+    result = integrate_spectra(density, (1.0, 100.0), rtol=1e-10)
+    narrow = np.arctan(70 / 0.01) + np.arctan(29 / 0.01)
+    ripple = 99 + (np.sin(500) - np.sin(5)) / 5
+    assert result.value == pytest.approx([narrow, ripple], rel=1e-10)
+    assert np.all(result.relative_error < 1e-10)
+
+
+def test_an_unreached_tolerance_is_reported():
+    class RaggedRoad:
+        band = (1.0, 300.0)
+
+        @staticmethod
+        def psd(omega):
+            return 1e-6 * (1 + np.sign(np.sin(1e4 * omega)))
+
+    with pytest.warns(RuntimeWarning, match="not to rtol"):
+        stationary_rms(QuarterCar().plant(), RaggedRoad(), rtol=1e-12)
+
+
+def test_an_unstable_system_has_no_stationary_response():
+    plant = HalfCar().plant()
+    unstable = control.StateSpace(
+        plant.A + 10 * np.eye(8),
+        plant.B,
+        plant.C,
+        plant.D,
+        inputs=plant.input_labels,
+        outputs=plant.output_labels,
+    )
+    with pytest.raises(UnstableSystemError, match="not stable"):
+        stationary_rms(unstable, HarmonicRoad(0.05, 7.0), LAGS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ((HarmonicRoad(0.05, 7.0), None), "lags"),
+        ((HarmonicRoad(0.05, 7.0), {}), "lags"),
+        ((HarmonicRoad(0.05, 7.0), {"road_frnt": 0.0}), "road_front"),
+        ((HarmonicRoad(0.05, 7.0), {"road_front": np.nan}), "road_front"),
+        ((3.0, LAGS), "road"),
+    ],
+)
+def test_bad_input_is_refused_by_name(arguments, named):
+    with pytest.raises(InputError, match=named):
+        stationary_rms(HalfCar().plant(), *arguments)
