@@ -11,10 +11,13 @@ from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.discretization import spectral_approximation
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
 from susp_ctrl.delay_systems.roots import characteristic_roots, spectral_abscissa
+from susp_ctrl.delay_systems.sweep import sweep_delays
+from susp_ctrl.delay_systems.sweep_result import DelaySweep
 from susp_ctrl.delay_systems.verdict import StabilityVerdict, stability
 
 __all__ = [
     "DelayLTI",
+    "DelaySweep",
     "FeedbackChannel",
     "StabilityVerdict",
     "append",
@@ -34,4 +37,5 @@ __all__ = [
     "spectral_abscissa",
     "spectral_approximation",
     "stability",
+    "sweep_delays",
 ]
