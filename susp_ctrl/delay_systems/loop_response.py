@@ -28,7 +28,8 @@ def loop_response(plant: Realization, s: ComplexArray, E: ComplexArray) -> Compl
     ndarray of complex, shape (points, outputs, inputs)
     """
     P = sample_plant(plant, s)
-    values = lft_response(P, E)
+    with np.errstate(invalid="ignore", over="ignore"):
+        values = lft_response(P, E)
     around_pairs = np.abs(P.p22 * np.swapaxes(P.p22, 1, 2)).max(axis=(1, 2), initial=0.0)
     direct = ~(around_pairs < _LARGE_RETURN**2) | ~np.isfinite(values).all(axis=(1, 2))
     if np.any(direct):
@@ -44,12 +45,16 @@ def _evaluate_directly(plant: Realization, s: ComplexArray, E: ComplexArray) -> 
     delayed_from_input = np.linalg.solve(around, np.broadcast_to(plant.D21, (s.size, *plant.D21.shape)))
     closed = s[:, None, None] * np.eye(plant.n_states) - plant.A - (plant.B2 * Ez) @ delayed_from_state
     right_side = plant.B1 + (plant.B2 * Ez) @ delayed_from_input
+    regular = np.ones(s.size, dtype=bool)
     try:
         state = np.linalg.solve(closed, right_side)
     except np.linalg.LinAlgError:
-        singular = np.linalg.cond(closed) > 1e15
-        state = np.full(right_side.shape, np.inf + 0j)
-        state[~singular] = np.linalg.solve(closed[~singular], right_side[~singular])
+        regular = np.linalg.cond(closed) < 1e15
+        state = np.zeros(right_side.shape, dtype=complex)
+        state[regular] = np.linalg.solve(closed[regular], right_side[regular])
     to_output = plant.D12 * Ez
     values: ComplexArray = (plant.C1 + to_output @ delayed_from_state) @ state
-    return values + plant.D11 + to_output @ delayed_from_input
+    values = values + plant.D11 + to_output @ delayed_from_input
+    # at a pole of the loop, as python-control has it
+    values[~regular] = complex(np.inf, np.nan)
+    return values
