@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from susp_ctrl.study.run import compute_study
 from susp_ctrl.study.study_file import Study, load_study
 
-__all__ = ["Study", "load_study"]
+__all__ = ["Study", "compute_study", "load_study"]

@@ -40,7 +40,9 @@ def _check_printed(**texts: str | None) -> None:
         try:
             printed_number(text)
         except ValueError:
-            raise SettingError(name, text, 'a number as printed, in quotes, such as "0.5026", is needed') from None
+            raise SettingError(
+                name, text, 'a number as printed, in quotes, such as "0.5026", is needed'
+            ) from None
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from susp_ctrl.study.stability_result import DelayIndependence, DelayLine, StabilitySection, StabilityWord
+
 if TYPE_CHECKING:
     from susp_ctrl.delay_systems import FeedbackChannel
     from susp_ctrl.study.study_file import Study
@@ -24,7 +26,6 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 Role = Literal["passive", "published", "tuned"]
-StabilityWord = Literal["stable", "unstable", "undecided"]
 AuditVerdict = Literal["reproduced", "not reproduced", "explained by a named misprint"]
 
 
@@ -173,6 +174,8 @@ class TuningRun:
         At least ``iteration, best, mean`` (J of the best so far, mean J of the feasible particles).
     value : float
         J of the design found.
+    swarm_value : float
+        J of the best particle, before the local polish that ends the search.
     comparison : DataFrame
         Columns ``design, role, objective_value, ratio_to_passive``; passive, published and tuned designs.
     closed_form : DataFrame or None
@@ -195,125 +198,11 @@ class TuningRun:
     bounds: pd.DataFrame
     history: pd.DataFrame
     value: float
+    swarm_value: float
     comparison: pd.DataFrame
     closed_form: pd.DataFrame | None
     detuning: pd.DataFrame | None
     message: str
-
-
-@dataclass(frozen=True)
-class DelayLine:
-    """Frequency sweep of one design along one line of the delay plane, ``delays(tau) = start + tau direction``.
-
-    Attributes
-    ----------
-    design : str
-        Design key.
-    line : str
-        ``"equal"`` (tau1 = tau2 = tau), ``"ray"`` (through the design's own delays; tau = 1 is the design) or the name
-        of the delay that varies alone (``"tau2"``: the other keeps its value).
-    label : str
-        The line in words.
-    start, direction : tuple of float
-        Of the line, one entry per channel (s, and s per unit of tau).
-    up_to : float
-        Largest tau of the sweep.
-    tau_of_design : float or None
-        The tau at which the line passes through the design itself; None if it does not.
-    parameter : str
-        What tau is: ``"delay (s)"`` or ``"multiple of the design's delays"``.
-    figure_omega : ndarray, shape (n,)
-        Angular frequency of the figure (rad/s).
-    figure_values : ndarray, shape (curves, n)
-        |z(jw)| of every root of the characteristic polynomial in z, or the spectral radius (one curve); nan where a
-        root does not exist. Crossings are where a curve meets 1.
-    figure_names : tuple of str
-        One name per curve.
-    crossings : DataFrame
-        Columns ``tau, omega, tendency``.
-    intervals : DataFrame
-        Columns ``tau_from, tau_to, unstable_roots``.
-    stable_intervals : tuple of (float, float)
-        Intervals of tau without unstable roots.
-    delay_margin : float
-        First loss of stability; inf only if proven for all tau, nan if none was met up to `up_to` and none is proven.
-    proven : bool
-        Whether stability on the whole line (all tau >= 0) is proven.
-    """
-
-    design: str
-    line: str
-    label: str
-    start: tuple[float, ...]
-    direction: tuple[float, ...]
-    up_to: float
-    tau_of_design: float | None
-    parameter: str
-    figure_omega: FloatArray
-    figure_values: FloatArray
-    figure_names: tuple[str, ...]
-    crossings: pd.DataFrame
-    intervals: pd.DataFrame
-    stable_intervals: tuple[tuple[float, float], ...]
-    delay_margin: float
-    proven: bool
-
-
-@dataclass(frozen=True)
-class DelayIndependence:
-    """Small-gain proof for the whole search box: stable whatever the delays.
-
-    Attributes
-    ----------
-    gains : DataFrame
-        The corner of the box: ``measured, actuator, gain, unit``.
-    verdict : {"stable", "unstable", "undecided"}
-        ``"stable"``: proven for every gain up to the corner and every delay.
-    supremum : float
-        sup_w rho(|G(jw)| diag|g|) at the corner; below 1 is the proof.
-    margin : float
-        Factor by which all gains could grow before the proof fails, 1/supremum.
-    omega : float
-        Where the supremum is taken (rad/s).
-    single_channel : DataFrame
-        One channel at a time: ``measured, actuator, gain_threshold, omega_rad_per_s, unit``; smaller gains are stable
-        for every delay.
-    curve_omega, curve_radius : ndarray, shape (n,)
-        rho(|G(jw)| diag|g|) at the corner over the frequency (rad/s).
-    """
-
-    gains: pd.DataFrame
-    verdict: StabilityWord
-    supremum: float
-    margin: float
-    omega: float
-    single_channel: pd.DataFrame
-    curve_omega: FloatArray
-    curve_radius: FloatArray
-
-
-@dataclass(frozen=True)
-class StabilitySection:
-    """Stability of every design.
-
-    Attributes
-    ----------
-    verdicts : DataFrame
-        One row per design: ``design, role, verdict`` ("stable" | "unstable" | "undecided"), ``abscissa`` (1/s, real part
-        of the rightmost root), ``abscissa_omega`` (its imaginary part, rad/s), ``unstable_roots, delay_independent``
-        ("proven" | "not proven"), ``agreement`` (the three methods, in words).
-    roots : DataFrame
-        Rightmost roots: ``design, real, imaginary`` (imaginary >= 0; 1/s and rad/s), ``damping_ratio, frequency_Hz``.
-    lines : tuple of DelayLine
-        Frequency sweeps, one per design and line.
-    independence : DelayIndependence or None
-        Of the search box.
-    """
-
-    verdicts: pd.DataFrame
-    roots: pd.DataFrame
-    lines: tuple[DelayLine, ...]
-    independence: DelayIndependence | None
 
 
 @dataclass(frozen=True)
@@ -379,10 +268,12 @@ class PadeCase:
     time_case : str
         Key of the `TimeCase` whose road is used for the time and RMS errors.
     table : DataFrame
-        Columns ``order, frequency_error`` (largest relative error of the response from the road to the outputs of the
-        study over the band), ``root_error`` (1/s, distance of the rightmost roots), ``time_error`` (largest error of
-        body acceleration relative to its peak), ``rms_error`` (largest relative RMS error of the six indicators),
-        ``stable`` ("stable" | "unstable": what the approximation claims).
+        Columns ``order, frequency_error`` (largest error of the responses from the road to the outputs of the case
+        over the band, relative to their peaks), ``root_error`` (1/s, distance of the rightmost roots),
+        ``time_error`` (largest error of body acceleration, or else of the first output, relative to its peak),
+        ``rms_error`` (largest relative error of the RMS of an output),
+        ``stable`` ("stable" | "unstable": what the approximation claims); ``spectral_frequency_error,
+        spectral_root_error, spectral_stable``: the same for the spectral (Chebyshev) approximation of that order.
     band : tuple of (float, float)
         Frequencies of `frequency_error` (rad/s).
     recommended_order : tuple of int
@@ -469,3 +360,22 @@ class StudyRun:
         if self.stability is None:
             return False
         return bool((self.stability.verdicts["verdict"] == "undecided").any())
+
+
+__all__ = [
+    "AuditSection",
+    "AuditVerdict",
+    "DelayIndependence",
+    "DelayLine",
+    "Design",
+    "FrequencySection",
+    "PadeCase",
+    "Provenance",
+    "Role",
+    "StabilitySection",
+    "StabilityWord",
+    "StudyRun",
+    "TimeCase",
+    "TuningRun",
+    "VehicleSection",
+]

@@ -3,6 +3,7 @@
 Defaults are those of the source paper where it gives them. A section that is not given is not run.
 """
 
+# ruff: noqa: RUF009  setting() makes a dataclass field
 from __future__ import annotations
 
 import re
@@ -11,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Self
 
 from susp_ctrl.errors import InputError
+from susp_ctrl.ride import signal_unit
 from susp_ctrl.study.audit_schema import AuditSettings
 from susp_ctrl.study.settings import (
     MISSING,
@@ -21,7 +23,7 @@ from susp_ctrl.study.settings import (
     read_fields,
     setting,
 )
-from susp_ctrl.study.signals import GAIN_UNITS, parameter_unit, signal_unit
+from susp_ctrl.study.units import GAIN_UNITS, parameter_unit
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
 
 VEHICLES: Mapping[str, type] = {"half_car": HalfCar, "quarter_car": QuarterCar, "full_car": FullCar}
@@ -53,7 +55,9 @@ def _check_increasing(lower_key: str, lower: float, upper_key: str, upper: float
 def _check_band(lower: float, upper: float) -> None:
     if lower >= upper:
         raise SettingError(
-            "omega_to_rad_per_s", upper, f"the band is empty: more than omega_from_rad_per_s = {lower:g} is needed"
+            "omega_to_rad_per_s",
+            upper,
+            f"the band is empty: more than omega_from_rad_per_s = {lower:g} is needed",
         )
 
 
@@ -77,7 +81,9 @@ class VehicleSettings(Settings):
         kind = table.get("kind", "half_car")
         if kind not in VEHICLES:
             raise place.error(SettingError("kind", kind, nearest(str(kind), list(VEHICLES))))
-        names = {f"{f.name}_{parameter_unit(f.name)}": f.name for f in fields(VEHICLES[kind]) if f.name != "seat"}
+        names = {
+            f"{f.name}_{parameter_unit(f.name)}": f.name for f in fields(VEHICLES[kind]) if f.name != "seat"
+        }
         own = {"kind", "speed_m_per_s"}
         parameters = {}
         for given, value in table.items():
@@ -232,14 +238,22 @@ class TuningSettings(Settings):
     def check(self) -> None:
         """Check that the objective has exactly the numbers it needs."""
         _check_key(self.key)
-        units = {"omega": "omega_rad_per_s", "omega_from": "omega_from_rad_per_s", "omega_to": "omega_to_rad_per_s"}
+        units = {
+            "omega": "omega_rad_per_s",
+            "omega_from": "omega_from_rad_per_s",
+            "omega_to": "omega_to_rad_per_s",
+        }
         for name in ("omega", "omega_from", "omega_to", "iso_class"):
             value, in_file = getattr(self, name), units.get(name, name)
             needed = name in self._NEEDS[self.objective]
             if needed and value is None:
-                raise SettingError(in_file, MISSING, f'this key is missing: objective = "{self.objective}" needs it')
+                raise SettingError(
+                    in_file, MISSING, f'this key is missing: objective = "{self.objective}" needs it'
+                )
             if not needed and value is not None:
-                raise SettingError(in_file, value, f'not used with objective = "{self.objective}": remove this key')
+                raise SettingError(
+                    in_file, value, f'not used with objective = "{self.objective}": remove this key'
+                )
         if self.omega_from is not None and self.omega_to is not None:
             _check_band(self.omega_from, self.omega_to)
         if not any(self.weights.values()):
@@ -298,7 +312,9 @@ class RoadSettings(Settings):
         optional = ("bins",) if self.kind == "random" else ()
         for name, value in values.items():
             if name in needed and value is None:
-                raise SettingError(name, MISSING, f'this key is missing: a road of kind = "{self.kind}" needs it')
+                raise SettingError(
+                    name, MISSING, f'this key is missing: a road of kind = "{self.kind}" needs it'
+                )
             if name not in (*needed, *optional) and value is not None:
                 raise SettingError(name, value, f'not used with kind = "{self.kind}": remove this key')
 
@@ -307,7 +323,8 @@ class RoadSettings(Settings):
 class TimeSettings(Settings):
     """A simulation on one road, passive car first.
 
-    The record begins after `lead_in` seconds on the road. RMS values are taken at `step` after `skip`.
+    The record begins after `lead_in` seconds on the road. RMS values are taken at `step` after `skip`. The Padé
+    order is `pade_order`, or else the one that the band up to `pade_omega` needs.
     """
 
     key: str = setting(not_empty=True)
@@ -320,7 +337,8 @@ class TimeSettings(Settings):
     skip: float = setting(0.0, unit="s", at_least=0.0)
     designs: tuple[str, ...] = setting(())
     outputs: tuple[str, ...] = setting(PAPER_INDICATORS, not_empty=True)
-    pade_order: int | None = setting(None, at_least=1, at_most=100)
+    pade_order: int | None = setting(None, at_least=1, at_most=60)
+    pade_omega: float = setting(100.0, unit="rad_per_s", above=0.0)
 
     def check(self) -> None:
         """Check the key and that the steps divide each other and the record."""
@@ -331,14 +349,16 @@ class TimeSettings(Settings):
             raise SettingError("skip_s", self.skip, f"less than duration_s = {self.duration:g} is needed")
         ratio = self.report_step / self.step
         if ratio < 1 - 1e-9 or abs(ratio - round(ratio)) > 1e-6:
-            raise SettingError("report_step_s", self.report_step, f"a multiple of step_s = {self.step:g} is needed")
+            raise SettingError(
+                "report_step_s", self.report_step, f"a multiple of step_s = {self.step:g} is needed"
+            )
 
 
 @dataclass(frozen=True)
 class PadeSettings(Settings):
     """Padé approximations of several orders against the exact delays."""
 
-    orders: tuple[int, ...] = setting(not_empty=True, at_least=1, at_most=100)
+    orders: tuple[int, ...] = setting(not_empty=True, at_least=1, at_most=60)
     cases: Mapping[str, str] = setting(not_empty=True)
     omega_from: float = setting(0.5, unit="rad_per_s", above=0.0)
     omega_to: float = setting(100.0, unit="rad_per_s", above=0.0)

@@ -25,7 +25,9 @@ class SettingError(InputError):
 
     def __init__(self, key: str, value: Any, allowed: str) -> None:
         self.key, self.value, self.allowed = key, value, allowed
-        super().__init__(f"{key} = {shown(value)}: {allowed}" if value is not MISSING else f"{key}: {allowed}")
+        super().__init__(
+            f"{key} = {shown(value)}: {allowed}" if value is not MISSING else f"{key}: {allowed}"
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by the three parts, so that the error survives another process."""
@@ -64,7 +66,7 @@ class Settings:
     """Base of all settings: every field is checked by its annotation and its `Rule`."""
 
     def __post_init__(self) -> None:
-        for name, (rule, kind) in _plan(type(self)).items():
+        for name, (rule, kind) in _plan(type(self)).items():  # type: ignore[arg-type]  # classes are hashable
             object.__setattr__(self, name, _checked(file_key(name, rule), getattr(self, name), kind, rule))
         self.check()
 

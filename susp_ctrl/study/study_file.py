@@ -81,6 +81,16 @@ class Study:
             _set(table, path, value)
         return Study.from_table(table, self.file)
 
+    @property
+    def name(self) -> str:
+        """Short name, used for folders."""
+        return self.settings.name
+
+    @property
+    def title(self) -> str:
+        """Title of the report."""
+        return self.settings.title
+
     @cached_property
     def vehicle(self) -> HalfCar | QuarterCar | FullCar:
         """The vehicle."""
@@ -100,6 +110,10 @@ class Study:
         if "rear" in road.split("_") and not isinstance(self.vehicle, QuarterCar):
             return self.vehicle.axle_lag(self.settings.vehicle.speed)
         return 0.0
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the plant out, which python-control cannot pickle; it is built again when asked for."""
+        return {name: value for name, value in self.__dict__.items() if name != "plant"}
 
     def _repr_html_(self) -> str:
         """Say in a notebook what the study is."""
@@ -182,7 +196,9 @@ def _check_references(study: StudySettings) -> None:
     if study.pade is not None:
         for design_key, case_key in study.pade.cases.items():
             if design_key not in designs:
-                raise SettingError(f"pade.cases.{design_key}", case_key, f"no such design, {nearest(design_key, designs)}")
+                raise SettingError(
+                    f"pade.cases.{design_key}", case_key, f"no such design, {nearest(design_key, designs)}"
+                )
             _among(f"pade.cases.{design_key}", [case_key], cases)
     if study.audit is not None:
         _check_audit(study.audit, study, designs, outputs, cases)
@@ -202,7 +218,9 @@ def _check_audit(
     for n, roots in enumerate(audit.roots, 1):
         _among(f"audit.roots[{n}].design", [roots.design], designs)
         if roots.substitutions and study.vehicle.kind != "half_car":
-            raise SettingError(f"audit.roots[{n}].substitutions", study.vehicle.kind, "only a half_car has them")
+            raise SettingError(
+                f"audit.roots[{n}].substitutions", study.vehicle.kind, "only a half_car has them"
+            )
     for n, interval in enumerate(audit.intervals, 1):
         _among(f"audit.intervals[{n}].design", [interval.design], designs)
     for n, peak in enumerate(audit.peaks, 1):
@@ -213,9 +231,7 @@ def _check_audit(
         _among(f"audit.optima[{n}].tuned", [optimum.tuned], tuned)
 
 
-def _check_channels(
-    place: str, channels: Iterable[Any], outputs: list[str], actuators: list[str]
-) -> None:
+def _check_channels(place: str, channels: Iterable[Any], outputs: list[str], actuators: list[str]) -> None:
     for n, channel in enumerate(channels, 1):
         for name, allowed in (("measured", outputs), ("actuator", actuators)):
             value = getattr(channel, name)
@@ -233,7 +249,9 @@ def _unique(place: str, keys: list[str]) -> list[str]:
 def _among(place: str, given: Iterable[str], allowed: list[str]) -> None:
     for value in given:
         if value not in allowed:
-            raise SettingError(place, value, nearest(value, allowed) if allowed else "there is none in this study")
+            raise SettingError(
+                place, value, nearest(value, allowed) if allowed else "there is none in this study"
+            )
 
 
 def _set(table: dict[str, Any], path: str, value: Any) -> None:

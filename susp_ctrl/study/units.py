@@ -1,20 +1,6 @@
-"""Units of plant signals, of feedback gains and of vehicle parameters."""
+"""Units of feedback gains and vehicle parameters as suffixes of keys, and the symbols of the source paper."""
 
 from __future__ import annotations
-
-from susp_ctrl.errors import InputError
-
-_KINDS = ("acceleration", "velocity", "displacement", "deflection", "force", "angle", "road")
-_LINEAR = {
-    "acceleration": "m/s2",
-    "velocity": "m/s",
-    "displacement": "m",
-    "deflection": "m",
-    "force": "N",
-    "angle": "rad",
-    "road": "m",
-}
-_ANGULAR = {"acceleration": "rad/s2", "velocity": "rad/s"}
 
 GAIN_UNITS = {
     "m": "N_per_m",
@@ -28,21 +14,6 @@ GAIN_UNITS = {
 """Unit of a gain to a force, as a key suffix, by the unit of the measured signal."""
 
 _PARAMETER_UNITS = (("mass", "kg"), ("inertia", "kg_m2"), ("stiffness", "N_per_m"), ("damping", "N_s_per_m"))
-
-
-def signal_unit(name: str) -> str:
-    """Return the SI unit of a plant signal from its name, such as ``"rad/s2"`` for pitch_acceleration.
-
-    Raises
-    ------
-    InputError
-        A name that says nothing of its kind.
-    """
-    for kind in _KINDS:
-        if kind in name.split("_"):
-            angular = name.startswith(("pitch", "roll"))
-            return _ANGULAR[kind] if angular and kind in _ANGULAR else _LINEAR[kind]
-    raise InputError(f"signal {name!r} is of no known kind: its name must hold one of {', '.join(_KINDS)}")
 
 
 def parameter_unit(name: str) -> str:

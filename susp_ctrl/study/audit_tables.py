@@ -1,0 +1,114 @@
+"""Audit of printed RMS tables: every entry, every percentage, and what could explain the differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from susp_ctrl.road import HarmonicRoad
+from susp_ctrl.study.audit_rows import (
+    EXPLAINED,
+    NOT_REPRODUCED,
+    REPRODUCED,
+    AuditRow,
+    agrees,
+    compared,
+)
+from susp_ctrl.study.audit_schema import PrintedRow, PrintedTable, printed_number
+from susp_ctrl.study.result import TimeCase
+from susp_ctrl.study.schema import PASSIVE
+from susp_ctrl.study.time_section import EXACT, STATIONARY, build_road
+from susp_ctrl.study.workbench import Workbench
+
+_PHASES = 720  # of the rear road against the front one, tried on a harmonic road
+
+
+def audit_printed_table(
+    bench: Workbench, printed: PrintedTable, case: TimeCase, tolerance: float
+) -> list[AuditRow]:
+    """Hold a printed RMS table against the simulation of its case, passive and active, and its percentages."""
+    values = case.rms.set_index(["indicator", "design", "method"])["value"]
+    phase = _phase_evidence(bench, printed)
+    rows = []
+    for row in printed.rows:
+        for column, key, text in (("passive", PASSIVE, row.passive), ("active", printed.active, row.active)):
+            simulated = float(values[row.indicator, key, EXACT])
+            unit = str(case.rms.loc[case.rms["indicator"] == row.indicator, "unit"].iloc[0])
+            evidence = _entry_evidence(values, row, key, unit, printed)
+            if column == "passive" and phase:
+                evidence += f" {phase}"
+            where = f"{row.indicator}, {column}"
+            rows.append(compared(printed.item, where, text, simulated, unit, tolerance, evidence))
+    for row in printed.rows:
+        if row.change_percent is not None:
+            rows += _percentages(printed, row, row.change_percent, values, tolerance)
+    return rows
+
+
+def _entry_evidence(values: pd.Series, row: PrintedRow, key: str, unit: str, printed: PrintedTable) -> str:
+    simulated = values[row.indicator, key, EXACT]
+    text = f"Simulated over the record {simulated:.4g} {unit}"
+    if (row.indicator, key, STATIONARY) in values.index:
+        text += f", exact stationary value {values[row.indicator, key, STATIONARY]:.4g} {unit}"
+    text += "."
+    if not printed.road_printed:
+        passive, active = printed_number(row.passive).value, printed_number(row.active).value
+        ratio = values[row.indicator, printed.active, EXACT] / values[row.indicator, PASSIVE, EXACT]
+        text += (
+            " The source gives no road amplitudes, so only the ratio active/passive can be held against it: "
+            f"printed {active / passive:.3f}, computed {ratio:.3f} whatever the road class."
+        )
+    return text
+
+
+def _percentages(
+    printed: PrintedTable, row: PrintedRow, text: str, values: pd.Series, tolerance: float
+) -> list[AuditRow]:
+    """Two rows: whether the percentage follows from the printed entries, and whether from the computed ones."""
+    number = printed_number(text)
+    passive, active = printed_number(row.passive), printed_number(row.active)
+    implied = 100 * (active.value / passive.value - 1)
+    # Entries are rounded, and so is what follows from them.
+    spread = 100 * (active.half_digit / passive.value + active.value * passive.half_digit / passive.value**2)
+    follows = agrees(number._replace(half_digit=number.half_digit + spread), implied, tolerance)
+    verdict = REPRODUCED if follows else EXPLAINED if row.misprint else NOT_REPRODUCED
+    evidence = f"The printed entries {row.passive} and {row.active} give {implied:.2f} %."
+    if not follows and row.misprint:
+        evidence += f" Printed instead: {row.misprint}."
+    item, where = f"{printed.item}, percentages", f"{row.indicator}, from the printed entries"
+    arithmetic = AuditRow(item, where, number, implied, "%", verdict, evidence)
+
+    before, after = values[row.indicator, PASSIVE, EXACT], values[row.indicator, printed.active, EXACT]
+    computed = compared(
+        item,
+        f"{row.indicator}, from eq. (1)",
+        text,
+        float(100 * (after / before - 1)),
+        "%",
+        tolerance,
+        f"Computed entries {before:.4g} and {after:.4g}.",
+    )
+    return [arithmetic, computed]
+
+
+def _phase_evidence(bench: Workbench, printed: PrintedTable) -> str:
+    """Say how near a steady state comes to the printed passive column for any phase of the rear road."""
+    case = next(case for case in bench.study.settings.time if case.key == printed.time)
+    road = build_road(case.road, bench.speed)
+    if not isinstance(road, HarmonicRoad) or len(bench.lags) != 2:
+        return ""
+    omega = np.array([road.omega])
+    loop = bench.loop(PASSIVE)
+    outputs = [row.indicator for row in printed.rows]
+    rows = [loop.output_labels.index(name) for name in outputs]
+    columns = [loop.input_labels.index(name) for name in bench.lags]
+    response = np.asarray(loop(1j * omega, squeeze=False))[rows][:, columns, 0]
+    turns = np.exp(-1j * np.linspace(0, 2 * np.pi, _PHASES, endpoint=False))
+    rms = np.abs(response[:, :1] + response[:, 1:] * turns) * road.amplitude / np.sqrt(2)
+    target = np.array([printed_number(row.passive).value for row in printed.rows])
+    worst = np.abs(rms / target[:, None] - 1).max(axis=0)
+    in_phase = ", ".join(f"{value:.4g}" for value in rms[:, 0])
+    return (
+        f"No phase of the rear road gives the printed passive column: at best one entry is off by "
+        f"{100 * worst.min():.0f} %; both wheels in phase give {in_phase}."
+    )

@@ -1,0 +1,62 @@
+"""The three lines that a person most wants to know of a finished study."""
+
+from __future__ import annotations
+
+from susp_ctrl.study.result import AuditSection, StabilitySection, TimeCase, TuningRun
+from susp_ctrl.study.schema import PASSIVE
+from susp_ctrl.study.workbench import Workbench
+
+
+def headlines(
+    bench: Workbench,
+    tuning: tuple[TuningRun, ...],
+    stability: StabilitySection | None,
+    time: tuple[TimeCase, ...],
+    audit: AuditSection | None,
+) -> tuple[str, ...]:
+    """Return up to three plain sentences: stability, effect of the designs, audit."""
+    lines = [_stability_line(stability), _effect_line(bench, tuning, time), _audit_line(audit)]
+    return tuple(line for line in lines if line)
+
+
+def _stability_line(stability: StabilitySection | None) -> str:
+    if stability is None:
+        return ""
+    verdicts = stability.verdicts
+    counts = {word: int((verdicts["verdict"] == word).sum()) for word in ("stable", "unstable", "undecided")}
+    told = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+    line = f"Stability of {len(verdicts)} designs: {told}"
+    box = stability.independence
+    if box is not None and box.verdict == "stable":
+        line += f"; every design in the search box is stable for all delays (small gain {box.supremum:.4f} < 1)"
+    return f"{line}."
+
+
+def _effect_line(bench: Workbench, tuning: tuple[TuningRun, ...], time: tuple[TimeCase, ...]) -> str:
+    parts = []
+    for case in time:
+        exact = case.rms[(case.rms["method"] == "exact") & (case.rms["design"] != PASSIVE)]
+        if exact.empty:
+            continue
+        first = exact[exact["indicator"] == exact["indicator"].iloc[0]]
+        changes = ", ".join(
+            f"{bench.design(row.design).label} {row.change_percent:+.1f} %" for row in first.itertuples()
+        )
+        name = str(first["indicator"].iloc[0]).replace("_", " ")
+        parts.append(f"{case.label}: {changes}")
+        lead = f"RMS {name} against passive"
+    if parts:
+        return f"{lead}: {'; '.join(parts)}."
+    found = [f"{run.label}: J = {run.value:.4g}" for run in tuning]
+    return f"Tuning: {'; '.join(found)}." if found else ""
+
+
+def _audit_line(audit: AuditSection | None) -> str:
+    if audit is None or audit.summary.empty:
+        return ""
+    total = audit.summary.iloc[-1]
+    number = total["reproduced"] + total["not_reproduced"] + total["explained"]
+    return (
+        f"Audit of {number} printed numbers: {total['reproduced']} reproduced, {total['explained']} explained by a "
+        f"named misprint, {total['not_reproduced']} not reproduced."
+    )

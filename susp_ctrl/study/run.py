@@ -1,0 +1,174 @@
+"""Run a study: from settings to one data object."""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Callable, Collection, Iterator
+from importlib.metadata import version
+from pathlib import Path
+
+import pandas as pd
+
+from susp_ctrl import __version__, validation
+from susp_ctrl.ride import signal_unit
+from susp_ctrl.study.audit import Computed, audit_section
+from susp_ctrl.study.frequency_section import frequency_section
+from susp_ctrl.study.headlines import headlines
+from susp_ctrl.study.pade_section import pade_case
+from susp_ctrl.study.result import PadeCase, Provenance, StudyRun, VehicleSection
+from susp_ctrl.study.stability_section import stability_section
+from susp_ctrl.study.study_file import Study
+from susp_ctrl.study.time_section import time_case
+from susp_ctrl.study.tuning_section import tuning_run
+from susp_ctrl.study.units import PAPER_SYMBOLS, parameter_unit, readable
+from susp_ctrl.study.workbench import Report, Workbench
+from susp_ctrl.vehicle import HalfCar
+
+Progress = Callable[[str, float], None]
+
+SECTIONS = ("tuning", "frequency", "stability", "time", "pade", "audit")
+# Rough share of the time of each stage, for the progress display only.
+_WEIGHTS = {"tuning": 2.0, "frequency": 0.5, "stability": 4.0, "time": 4.0, "pade": 4.0, "audit": 0.5}
+
+
+def compute_study(
+    study: Study, progress: Progress | None = None, sections: Collection[str] | None = None
+) -> StudyRun:
+    """Run a study.
+
+    Parameters
+    ----------
+    study : Study
+        From `load_study`.
+    progress : callable, optional
+        Called as ``progress(stage, fraction)`` with the stage in words and the share of the whole run done, 0 to 1.
+    sections : collection of str, optional
+        Restrict the run to some of ``tuning, frequency, stability, time, pade, audit``; all that the study has by
+        default. Without ``tuning`` the tuned designs are left out everywhere.
+
+    Returns
+    -------
+    StudyRun
+
+    Raises
+    ------
+    InputError
+        An unknown section; a setting that only shows to be impossible while running.
+
+    Notes
+    -----
+    Deterministic: equal studies on equal versions and machines give equal numbers, `Provenance.duration` excepted.
+    """
+    started = time.perf_counter()
+    wanted = SECTIONS if sections is None else [validation.one_of("sections", s, SECTIONS) for s in sections]
+    settings, bench = study.settings, Workbench.of(study)
+    stages = _Stages(study, wanted, progress)
+
+    tuning = tuple(
+        tuning_run(bench, search, stages.next(f"tuning: {search.label}", "tuning"))
+        for search in settings.tuning
+        if "tuning" in wanted
+    )
+    frequency = stability = audit = None
+    if settings.frequency is not None and "frequency" in wanted:
+        frequency = frequency_section(
+            bench, settings.frequency, stages.next("frequency responses", "frequency")
+        )
+    if settings.stability is not None and "stability" in wanted:
+        stability = stability_section(bench, settings.stability, stages.next("stability", "stability"))
+    time_cases = tuple(
+        time_case(bench, case, settings.audit, stages.next(f"simulation: {case.label}", "time"))
+        for case in settings.time
+        if "time" in wanted
+    )
+    pade: list[PadeCase] = []
+    if settings.pade is not None and "pade" in wanted:
+        cases = {case.key: case for case in settings.time}
+        for key, case in settings.pade.cases.items():
+            if key in bench.keys:
+                report = stages.next(f"Padé: {bench.design(key).label}", "pade")
+                pade.append(pade_case(bench, key, settings.pade, cases[case], report))
+    if settings.audit is not None and "audit" in wanted:
+        computed = Computed(frequency, tuning, stability, time_cases)
+        audit = audit_section(bench, settings.audit, computed, stages.next("audit", "audit"))
+    stages.done()
+    return StudyRun(
+        study=study,
+        provenance=_provenance(study, time.perf_counter() - started),
+        vehicle=_vehicle(study),
+        designs=tuple(bench.designs),
+        signal_units={
+            name: signal_unit(name) for name in (*bench.plant.input_labels, *bench.plant.output_labels)
+        },
+        frequency=frequency,
+        tuning=tuning,
+        stability=stability,
+        time=time_cases,
+        pade=tuple(pade),
+        audit=audit,
+        headlines=headlines(bench, tuning, stability, time_cases, audit),
+    )
+
+
+class _Stages:
+    """Turns the progress of each stage into that of the whole run."""
+
+    def __init__(self, study: Study, wanted: Collection[str], progress: Progress | None) -> None:
+        self._progress = progress or (lambda stage, fraction: None)
+        self._total = sum(_weights(study, wanted)) or 1.0
+        self._before, self._weight = 0.0, 0.0
+
+    def next(self, name: str, section: str) -> Report:
+        """Begin a stage; the result takes the share of it that is done."""
+        self._before += self._weight
+        self._weight = _WEIGHTS[section] / self._total
+        before, weight = self._before, self._weight
+        self._progress(name, before)
+        return lambda share: self._progress(name, before + weight * min(max(share, 0.0), 1.0))
+
+    def done(self) -> None:
+        """Say that everything is computed."""
+        self._progress("computed", 1.0)
+
+
+def _weights(study: Study, wanted: Collection[str]) -> Iterator[float]:
+    settings = study.settings
+    number = {
+        "tuning": len(settings.tuning),
+        "frequency": int(settings.frequency is not None),
+        "stability": int(settings.stability is not None),
+        "time": len(settings.time),
+        "pade": len(settings.pade.cases) if settings.pade is not None else 0,
+        "audit": int(settings.audit is not None),
+    }
+    return (_WEIGHTS[section] * number[section] for section in wanted)
+
+
+def _provenance(study: Study, duration: float) -> Provenance:
+    versions = {"python": platform.python_version(), "susp_ctrl": __version__}
+    versions |= {name: version(name) for name in ("control", "numpy", "scipy", "pandas")}
+    seeds = {search.key: search.seed for search in study.settings.tuning}
+    seeds |= {
+        f"time.{case.key}": case.road.seed for case in study.settings.time if case.road.seed is not None
+    }
+    return Provenance(Path(study.file).name, study.sha256, versions, seeds, duration)
+
+
+def _vehicle(study: Study) -> VehicleSection:
+    car = study.vehicle
+    symbols = PAPER_SYMBOLS if isinstance(car, HalfCar) else {}
+    parameters = [
+        (name, symbols.get(name, ""), float(value), readable(parameter_unit(name)))
+        for name, value in vars(car).items()
+        if isinstance(value, (int, float))
+    ]
+    return VehicleSection(
+        kind=study.settings.vehicle.kind,
+        parameters=pd.DataFrame(parameters, columns=["parameter", "symbol", "value", "unit"]),
+        static_loads=pd.DataFrame(car.static_loads().items(), columns=["wheel", "load_N"]),
+        speed=study.settings.vehicle.speed,
+        lags=study.lags,
+        inputs=tuple(study.plant.input_labels),
+        outputs=tuple(study.plant.output_labels),
+    )
