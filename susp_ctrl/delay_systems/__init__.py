@@ -7,6 +7,12 @@ from susp_ctrl.delay_systems.algebra import append, delay, feedback, parallel, s
 from susp_ctrl.delay_systems.argument_principle import count_roots_right_of, count_unstable_roots
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant, open_loop
 from susp_ctrl.delay_systems.comparison import compare_pade
+from susp_ctrl.delay_systems.delay_independence import (
+    DelayIndependence,
+    delay_independent_stability,
+    small_gain_of_samples,
+    small_gain_supremum,
+)
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.discretization import spectral_approximation
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
@@ -16,6 +22,7 @@ from susp_ctrl.delay_systems.sweep_result import DelaySweep
 from susp_ctrl.delay_systems.verdict import StabilityVerdict, stability
 
 __all__ = [
+    "DelayIndependence",
     "DelayLTI",
     "DelaySweep",
     "FeedbackChannel",
@@ -27,6 +34,7 @@ __all__ = [
     "count_roots_right_of",
     "count_unstable_roots",
     "delay",
+    "delay_independent_stability",
     "feedback",
     "loop_plant",
     "open_loop",
@@ -34,6 +42,8 @@ __all__ = [
     "pade_order",
     "parallel",
     "series",
+    "small_gain_of_samples",
+    "small_gain_supremum",
     "spectral_abscissa",
     "spectral_approximation",
     "stability",
