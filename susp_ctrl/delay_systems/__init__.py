@@ -19,6 +19,7 @@ from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
 from susp_ctrl.delay_systems.roots import characteristic_roots, spectral_abscissa
 from susp_ctrl.delay_systems.sweep import sweep_delays
 from susp_ctrl.delay_systems.sweep_result import DelaySweep
+from susp_ctrl.delay_systems.simulation import SimulationResponse, simulate
 from susp_ctrl.delay_systems.verdict import StabilityVerdict, stability
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "DelayLTI",
     "DelaySweep",
     "FeedbackChannel",
+    "SimulationResponse",
     "StabilityVerdict",
     "append",
     "characteristic_roots",
@@ -42,6 +44,7 @@ __all__ = [
     "pade_order",
     "parallel",
     "series",
+    "simulate",
     "small_gain_of_samples",
     "small_gain_supremum",
     "spectral_abscissa",
