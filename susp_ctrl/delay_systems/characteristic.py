@@ -101,8 +101,8 @@ class CharacteristicMatrix:
         identity = np.eye(self.n_states)
         K = points[:, None, None] * identity - self.A - into_state @ from_state
         if np.any(self.D):
-            # (I - E D)^-1 from the right: solved through the transposed system
-            around = np.eye(self.n_channels) - np.swapaxes(self.D * E[:, None, :], 1, 2)
+            # B (I - E D)^-1, solved through the transposed system
+            around = np.eye(self.n_channels) - self.D.T * E[:, None, :]
             passed = np.linalg.solve(around, np.broadcast_to(self.B.T, (points.size, *self.B.T.shape)))
             into_state = np.swapaxes(passed, 1, 2) * E[:, None, :]
         return K, identity + (into_state * self.delays) @ from_state

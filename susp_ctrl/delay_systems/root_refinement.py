@@ -70,8 +70,8 @@ def refine(K: CharacteristicMatrix, starts: ComplexArray) -> RefinedRoots:
 
 
 def _floor(K: CharacteristicMatrix) -> float:
-    """Size below which a root counts as small: a fraction of the matrix's own scale."""
-    return 1e-3 * float(np.abs(np.linalg.norm(K.A, 2) if K.n_states else 0.0)) + 1e-12
+    """Size below which a root counts as small: a fraction of the largest that one can be."""
+    return 1e-3 * K.root_bound + 1e-300
 
 
 def _is_simple(
@@ -209,11 +209,17 @@ def _resolve(
     polynomial = np.real(coefficients) if center.imag == 0.0 else np.array(coefficients)
     roots = center + radius * np.roots(polynomial)
     mean = center + radius * complex(power[0].real if center.imag == 0.0 else power[0]) / number
-    reach = _cluster_uncertainty(K, mean, radius)
-    if np.max(np.abs(roots - mean)) <= 2.0 * reach:
-        roots = np.full(number, mean)
-    residual = float(np.max(np.abs(roots - mean))) * 1e-8
-    return [(root, residual, reach) for root in roots if root.imag >= 0.0 or center.imag != 0.0]
+    spread = float(np.max(np.abs(roots - mean)))
+    tight = 10.0 * _cluster_uncertainty(K, mean, 0.1 * radius)
+    inside = _moments(K, mean, tight)[0]
+    if np.isfinite(inside) and abs(inside - number) < 0.05:
+        # rounding cannot tell these roots apart: one root, as often as it occurs
+        roots, error = np.full(number, mean), tight
+    else:
+        # the polynomial's roots are known to the root of its own rounding
+        error = max(tight, radius * 1e-14 ** (1.0 / number))
+    residual = min(spread, tight)
+    return [(root, residual, error) for root in roots if root.imag >= 0.0 or center.imag != 0.0]
 
 
 def _distinct(points: ComplexArray, steps: FloatArray, error: FloatArray, members: np.ndarray) -> list[int]:
