@@ -24,7 +24,11 @@ class Integral(NamedTuple):
 
 
 def integrate_spectra(
-    density: Callable[[FloatArray], FloatArray], band: tuple[float, float], rtol: float
+    density: Callable[[FloatArray], FloatArray],
+    band: tuple[float, float],
+    rtol: float,
+    *,
+    floor: Callable[[FloatArray], FloatArray] | None = None,
 ) -> Integral:
     """Integrate non-negative spectra over a band of frequencies.
 
@@ -40,12 +44,15 @@ def integrate_spectra(
         Lower limit (may be 0) and upper limit.
     rtol : float
         Relative error asked of each integral.
+    floor : callable, optional
+        Like `density`: spectra whose integrals are so small that the error need not be smaller.
 
     Returns
     -------
     Integral
-        The error is the sum of the differences of the panels kept, an upper estimate for smooth spectra. It is
-        larger than `rtol` where 100 000 evaluations were not enough.
+        The error is the sum of the differences of the panels kept, an upper estimate for smooth spectra,
+        relative to the value or to floor/rtol, whichever is larger. It is larger than `rtol` where 100 000
+        evaluations were not enough.
     """
     low, high = band
     first = low if low > 0 else 1e-5 * high
@@ -57,6 +64,7 @@ def integrate_spectra(
     evaluations = _NODES.size * left.size
     total = np.zeros(coarse.shape[0])
     error = np.zeros_like(total)
+    smallest = np.zeros_like(total) if floor is None else np.sum(_panels(floor, left, right), axis=1) / rtol
     while left.size:
         middle = (left + right) / 2
         halves = _panels(density, np.concatenate([left, middle]), np.concatenate([middle, right]))
@@ -65,8 +73,8 @@ def integrate_spectra(
         fine = lower + upper
         difference = np.abs(fine - coarse)
         # a panel may err by its share of what the whole may
-        scale = rtol * (total + np.sum(fine, axis=1))
-        split = np.any(difference * 4 * _FIRST_PANELS > scale[:, None], axis=0)
+        allowed = rtol * np.maximum(total + np.sum(fine, axis=1), smallest) / (4 * _FIRST_PANELS)
+        split = np.any(difference > allowed[:, None], axis=0)
         if evaluations + 4 * _NODES.size * np.count_nonzero(split) > _MOST_EVALUATIONS:
             split[:] = False
         total += np.sum(fine[:, ~split], axis=1)
@@ -76,7 +84,8 @@ def integrate_spectra(
             np.concatenate([left[split], middle[split]]),
             np.concatenate([middle[split], right[split]]),
         )
-    relative = np.divide(error, total, out=np.zeros_like(total), where=total > 0)
+    scale = np.maximum(total, smallest)
+    relative = np.divide(error, scale, out=np.zeros_like(total), where=scale > 0)
     return Integral(total, relative, evaluations)
 
 

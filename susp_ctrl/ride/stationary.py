@@ -27,6 +27,10 @@ from susp_ctrl.ride.weighting import iso2631_weighting
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+# A response in which the wheels cancel each other to this part of their magnitudes is rounding, such as the
+# roll of a car on two equal tracks: its relative error is not pursued.
+_CANCELLED = 1e-8
+
 
 def stationary_rms(
     system: Any,
@@ -44,7 +48,9 @@ def stationary_rms(
 
         sigma_y^2 = integral |sum_i H_yi(j omega) e^{-j omega lag_i}|^2 |W_y(j omega)|^2 G(omega) d omega
 
-    over the road's band; G is its one-sided PSD. On a harmonic road the integral is |...|^2 amplitude^2/2.
+    over the road's band; G is its one-sided PSD. On a harmonic road the integral is |...|^2 amplitude^2/2. On
+    two tracks, with H_l and H_r the sums over the wheels of either side and gamma G the cross spectrum,
+    |...|^2 is |H_l|^2 + |H_r|^2 + 2 gamma Re(H_l conj(H_r)).
 
     Parameters
     ----------
@@ -106,19 +112,37 @@ def stationary_rms(
         )
     picked = _output_matrix(labels, outputs, seat)
     weighted = [name for name in labels if name in COMFORT_WEIGHTS]
-    columns = [list(system.input_labels).index(name) for name in shift]
-    delays = np.array(list(shift.values()))
     magnitude = {name: COMFORT_WEIGHTS[name][0] for name in weighted}
+    tracks = _tracks(system, shift, road)
+
+    def weighted_too(omega: FloatArray, power: FloatArray) -> FloatArray:
+        weights = {name: np.abs(iso2631_weighting(omega, kind)) ** 2 for name, kind in magnitude.items()}
+        return np.vstack([power, *(power[outputs.index(name)] * weights[name] for name in weighted)])
+
+    def responses(omega: FloatArray) -> ComplexArray:
+        return np.asarray(picked @ np.moveaxis(np.asarray(system(1j * omega, squeeze=False)), 2, 0))
 
     def gain_squared(omega: FloatArray) -> FloatArray:
-        response = np.asarray(system(1j * omega, squeeze=False))[:, columns]
-        combined = np.einsum("yif,if->yf", response, np.exp(-1j * np.multiply.outer(delays, omega)))
-        power = np.abs(picked @ combined) ** 2
-        weights = {name: np.abs(iso2631_weighting(omega, kind)) ** 2 for name, kind in magnitude.items()}
-        extra = [power[outputs.index(name)] * weights[name] for name in weighted]
-        return np.vstack([power, *extra])
+        response = responses(omega)
+        at_track = [
+            np.einsum("fyi,if->yf", response[..., columns], np.exp(-1j * np.multiply.outer(delays, omega)))
+            for columns, delays in tracks
+        ]
+        if len(at_track) == 1:
+            return weighted_too(omega, np.abs(at_track[0]) ** 2)
+        # mean and half difference of the tracks are independent, with PSD G (1 + gamma)/2 and G (1 - gamma)/2
+        left, right = at_track
+        gamma = road.coherence(omega)
+        power = (1 + gamma) / 2 * np.abs(left + right) ** 2 + (1 - gamma) / 2 * np.abs(left - right) ** 2
+        return weighted_too(omega, power)
 
-    mean_squares, error = _mean_squares(gain_squared, road, rtol)
+    def cancelled(omega: FloatArray) -> FloatArray:
+        everything = np.sum(
+            np.abs(responses(omega)[..., list(np.concatenate([c for c, _ in tracks]))]), axis=-1
+        ).T
+        return weighted_too(omega, (_CANCELLED * everything) ** 2)
+
+    mean_squares, error = _mean_squares(gain_squared, cancelled, road, rtol)
     rms = dict(
         zip([*outputs, *(f"{name}_weighted" for name in weighted)], np.sqrt(mean_squares), strict=True)
     )
@@ -141,12 +165,18 @@ def _require_stable(system: Any) -> None:
 
 
 def _mean_squares(
-    gain_squared: Callable[[FloatArray], FloatArray], road: Any, rtol: float
+    gain_squared: Callable[[FloatArray], FloatArray],
+    cancelled: Callable[[FloatArray], FloatArray],
+    road: Any,
+    rtol: float,
 ) -> tuple[FloatArray, float]:
     """Return the mean squares and the largest relative error of their roots."""
     if callable(getattr(road, "psd", None)) and hasattr(road, "band"):
         integral = integrate_spectra(
-            lambda omega: gain_squared(omega) * road.psd(omega), road.band, rtol=2 * rtol
+            lambda omega: gain_squared(omega) * road.psd(omega),
+            road.band,
+            rtol=2 * rtol,
+            floor=lambda omega: cancelled(omega) * road.psd(omega),
         )
         error = float(np.max(integral.relative_error)) / 2
         if error > rtol:
@@ -178,6 +208,23 @@ def _checked_lags(system: Any, lags: Mapping[str, float] | None) -> dict[str, fl
     for name in lags:
         validation.one_of("lags: input", name, inputs)
     return {name: validation.number(f"lags[{name!r}]", lag) for name, lag in lags.items()}
+
+
+def _tracks(system: Any, shift: Mapping[str, float], road: Any) -> list[tuple[list[int], FloatArray]]:
+    """Return for every wheel track its columns of the response and their lags (s)."""
+    inputs = list(system.input_labels)
+    names: dict[str, list[str]] = {}
+    for name in shift:
+        track = name.rpartition("_")[2] if hasattr(road, "coherence") else ""
+        if hasattr(road, "coherence") and track not in ("left", "right"):
+            raise InputError(
+                f"lags: input {name!r} is on no track of the road: a name in _left or _right is needed"
+            )
+        names.setdefault(track, []).append(name)
+    return [
+        ([inputs.index(name) for name in group], np.array([shift[name] for name in group]))
+        for group in names.values()
+    ]
 
 
 def _output_matrix(labels: Sequence[str], wanted: Sequence[str], seat: FloatArray | None) -> FloatArray:

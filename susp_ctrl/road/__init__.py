@@ -13,6 +13,7 @@ from susp_ctrl.road.iso8608 import ISO_8608_CLASSES, Iso8608Spectrum
 from susp_ctrl.road.measured import MeasuredRoad
 from susp_ctrl.road.random_road import RandomRoad
 from susp_ctrl.road.signals import RoadSignal
+from susp_ctrl.road.two_tracks import TwoTrackRoad
 
 __all__ = [
     "ISO_8608_CLASSES",
@@ -23,4 +24,5 @@ __all__ = [
     "MeasuredRoad",
     "RandomRoad",
     "RoadSignal",
+    "TwoTrackRoad",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,22 @@ from susp_ctrl.road.signals import Lines, Road, RoadSignal
 from susp_ctrl.road.sine_sum import sine_sum
 
 FloatArray = NDArray[np.float64]
+
+
+def sine_signal(lines: Lines, lag: float) -> RoadSignal:
+    """Return sum a_i sin(omega_i (t - lag) + phi_i) as the signal of one wheel."""
+    lag = validation.number("lag", lag, at_least=0.0)
+    omegas, amplitudes, phases = lines
+    return RoadSignal(
+        partial(_at_times, lines),
+        lag=lag,
+        bandwidth=float(omegas[-1]),
+        sines=(omegas, amplitudes, phases - omegas * lag),
+    )
+
+
+def _at_times(lines: Lines, t: FloatArray) -> FloatArray:
+    return sine_sum(t, *lines)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,17 +131,7 @@ class RandomRoad(Road):
 
     def signal(self, lag: float = 0.0) -> RoadSignal:
         """Return the elevation under a wheel that meets the road `lag` seconds later."""
-        lag = validation.number("lag", lag, at_least=0.0)
-        omegas, amplitudes, phases = self.lines
-        return RoadSignal(
-            self._elevation,
-            lag=lag,
-            bandwidth=float(omegas[-1]),
-            sines=(omegas, amplitudes, phases - omegas * lag),
-        )
-
-    def _elevation(self, t: FloatArray) -> FloatArray:
-        return sine_sum(t, *self.lines)
+        return sine_signal(self.lines, lag)
 
     def spatial_psd(self, n: ArrayLike) -> FloatArray:
         """Return the one-sided displacement PSD G_d(n) (m3) at wavenumbers n (cycle/m), zero off the band."""
