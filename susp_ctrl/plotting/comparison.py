@@ -8,7 +8,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from susp_ctrl.plotting.style import BLACK, BLUE, GREEN, PURPLE, VERMILLION, axes_for, styled, styles_for
+from susp_ctrl.plotting.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    PURPLE,
+    VERMILLION,
+    axes_for,
+    powers_of_ten,
+    styled,
+    styles_for,
+)
 
 _BARS = (
     (VERMILLION, "////"),
@@ -67,6 +77,7 @@ def draw_order_error(
             label=f"needed for the band: {needed:g}",
         )
     ax.set_yscale("log")
+    powers_of_ten(ax.yaxis)
     ax.set_xlabel(xlabel)
     ax.set_ylabel(ylabel)
     if title:

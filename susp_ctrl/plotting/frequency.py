@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from susp_ctrl.plotting.style import axes_for, sparse_markers, styled, styles_for
+from susp_ctrl.plotting.style import axes_for, powers_of_ten, sparse_markers, styled, styles_for
 
 _TWO_PI = 2.0 * np.pi
+_NARROW = 2.2  # inch
 
 
 @styled
@@ -66,6 +67,7 @@ def draw_magnitude(
         frequency_axis(ax)
     if log_magnitude and not decibel:
         ax.set_yscale("log")
+        powers_of_ten(ax.yaxis)
     elif not decibel:
         ax.set_ylim(bottom=0.0)
     ax.set_xlabel("frequency (Hz)")
@@ -135,14 +137,15 @@ def draw_bode(
 
 
 def frequency_axis(ax: Axes) -> None:
-    """Make the x axis logarithmic with plain numbers (0.5, 1, 2, 5, 10) instead of powers of ten."""
+    """Make the x axis logarithmic with plain numbers: 0.5, 1, 2, 5, 10, or only the decades on a narrow axis."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     def plain(value: Any, _position: Any) -> str:
         return f"{value:g}"
 
     ax.set_xscale("log")
-    ax.xaxis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0), numticks=20))
+    narrow = ax.bbox.width < _NARROW * ax.figure.dpi
+    ax.xaxis.set_major_locator(LogLocator(base=10.0, subs=(1.0,) if narrow else (1.0, 2.0, 5.0), numticks=20))
     ax.xaxis.set_major_formatter(FuncFormatter(plain))
     ax.xaxis.set_minor_formatter(NullFormatter())
 

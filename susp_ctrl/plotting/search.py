@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from susp_ctrl.plotting.style import BLACK, GREY, axes_for, sparse_markers, styled, styles_for
+from susp_ctrl.plotting.style import BLACK, GREY, axes_for, powers_of_ten, sparse_markers, styled, styles_for
 
 
 @styled
@@ -59,6 +59,7 @@ def draw_convergence(
         positive = positive and reference > 0.0
     if log_cost and positive:
         ax.set_yscale("log")
+        powers_of_ten(ax.yaxis)
     ax.set_xlabel("iteration")
     ax.set_ylabel(ylabel)
     ax.margins(x=0.0)

@@ -10,7 +10,15 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from susp_ctrl.plotting.frequency import frequency_axis
-from susp_ctrl.plotting.style import BLACK, VERMILLION, axes_for, sparse_markers, styled, styles_for
+from susp_ctrl.plotting.style import (
+    BLACK,
+    VERMILLION,
+    axes_for,
+    powers_of_ten,
+    sparse_markers,
+    styled,
+    styles_for,
+)
 
 
 @styled
@@ -58,6 +66,7 @@ def draw_unit_modulus(
         ax.plot(found, np.ones_like(found), "o", color=BLACK, markersize=5, label="crossing", zorder=4)
     frequency_axis(ax)
     ax.set_yscale("log")
+    powers_of_ten(ax.yaxis)
     ax.set_xlabel("frequency (Hz)")
     ax.set_ylabel(ylabel)
     ax.margins(x=0.0)

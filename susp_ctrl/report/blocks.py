@@ -158,6 +158,13 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Heading:
+    """A heading inside a section."""
+
+    text: str
+
+
+@dataclass(frozen=True)
 class Text:
     """A paragraph, or a list of short ones."""
 
@@ -182,7 +189,7 @@ class Box:
     warning: bool = False
 
 
-Block = Text | Equations | Table | Figure | Box
+Block = Heading | Text | Equations | Table | Figure | Box
 
 
 @dataclass(frozen=True)

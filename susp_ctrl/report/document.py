@@ -10,14 +10,15 @@ import json
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, assert_never, cast
+from typing import TYPE_CHECKING, Any, assert_never
 
-from susp_ctrl.report.blocks import Block, Box, Equations, Figure, Section, Table, Text
+from susp_ctrl.report.blocks import Block, Box, Equations, Figure, Heading, Section, Table, Text
 
 if TYPE_CHECKING:
     from susp_ctrl.study.result import StudyRun
 
 DATA_FILE = "report.json"
+_WHOLE_ROWS = 18  # tables up to this length are not broken over pages
 NO_TYPST = "report.pdf is left out: the package typst is not installed (pip install typst)"
 """What is said where the wheel that sets the PDF is missing."""
 
@@ -76,6 +77,8 @@ def payload(run: StudyRun, sections: Sequence[Section], figure_folder: str = "fi
 def block_data(block: Block, figure_folder: str) -> dict[str, Any]:
     """Return one block as data for the template."""
     match block:
+        case Heading():
+            return {"kind": "heading", "text": block.text}
         case Text():
             return {
                 "kind": "text",
@@ -96,6 +99,7 @@ def block_data(block: Block, figure_folder: str) -> dict[str, Any]:
                 "kind": "table",
                 "caption": block.caption,
                 "note": block.note,
+                "breakable": len(rows) > _WHOLE_ROWS,
                 "size": size,
                 "gap": gap,
                 "columns": [
@@ -131,13 +135,17 @@ def write_pdf(folder: Path, data: dict[str, Any], name: str = "report.pdf") -> P
     source.write_text(json.dumps(data, ensure_ascii=False), encoding="utf-8")
     template: bytes = files("susp_ctrl.report").joinpath("template.typ").read_bytes()
     try:
-        document = typst.compile(
-            template, root=str(folder), ignore_system_fonts=True, sys_inputs={"data": f"/{DATA_FILE}"}
+        document: bytes = typst.compile(  # type: ignore[type-var]
+            template,
+            root=str(folder),
+            ignore_system_fonts=True,
+            sys_inputs={"data": f"/{DATA_FILE}"},
+            pdf_tags=False,  # tags would double the size of the document
         )
     finally:
         source.unlink()
     target = folder / name
-    target.write_bytes(cast(bytes, document))
+    target.write_bytes(document)
     return target
 
 

@@ -95,6 +95,11 @@ def unit_text(unit: str) -> str:
     return re.sub(r"(?<=[A-Za-z])([2-9])", lambda match: match.group(1).translate(_SUPERSCRIPTS), unit)
 
 
+def capital(text: str) -> str:
+    """Return the text with a capital first letter, the rest as it is."""
+    return text[:1].upper() + text[1:]
+
+
 def signal_text(name: str) -> str:
     """Return the name of a signal or parameter as words: ``tire_deflection_front``, "front tire deflection"."""
     words = name.split("_")

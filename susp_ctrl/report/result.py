@@ -18,12 +18,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from susp_ctrl.study.result import StudyRun
     from susp_ctrl.study import Study
+    from susp_ctrl.study.result import StudyRun
 
 Progress = Callable[[str, float], None]
-
-_HISTORY_FORMAT = "%.9g"  # the simulation is good to 1e-8; full precision would double the largest files
 
 
 class FigureGallery(Mapping[str, "MatplotlibFigure"]):
@@ -97,7 +95,9 @@ class StudyResult:
         """The three lines a person most wants to know."""
         return self.data.headlines
 
-    def save(self, folder: str | Path, *, progress: Progress | None = None) -> list[Path]:
+    def save(
+        self, folder: str | Path, *, progress: Progress | None = None, history_digits: int = 6
+    ) -> list[Path]:
         """Write the report: ``report.pdf``, ``tables/*.csv``, ``figures/*.png`` and ``*.pdf``, ``manifest.json``.
 
         The folder is replaced as a whole or not at all, see `susp_ctrl.report.replacing`.
@@ -108,6 +108,9 @@ class StudyResult:
             Where to: a new folder, an empty one, or that of an earlier report.
         progress
             Called with (what is being written, fraction done).
+        history_digits
+            Significant digits of the time histories, by far the largest files; 17 keeps every bit. All other
+            tables are written in full precision.
 
         Returns
         -------
@@ -124,7 +127,7 @@ class StudyResult:
         report = progress or (lambda stage, fraction: None)
         target = Path(folder)
         with replacing(target) as partial:
-            self._write_tables(partial / "tables")
+            self._write_tables(partial / "tables", history_digits)
             self._write_figures(partial / "figures", report)
             report("setting the document", 0.9)
             if write_pdf(partial, payload(self.data, self.sections)) is None:
@@ -142,10 +145,10 @@ class StudyResult:
     def _figures(self) -> tuple[Figure, ...]:
         return tuple(figure for section in self.sections for figure in section.figures)
 
-    def _write_tables(self, folder: Path) -> None:
+    def _write_tables(self, folder: Path, history_digits: int) -> None:
         folder.mkdir()
         for table in self._tables:
-            digits = _HISTORY_FORMAT if table.key.startswith("history_") else None
+            digits = f"%.{history_digits}g" if table.key.startswith("history_") else None
             table.frame.to_csv(
                 folder / f"{table.key}.csv",
                 index=False,

@@ -157,6 +157,7 @@ def _tuning(key: str, label: str) -> TuningRun:
             }
         ),
         value=1e-9,
+        swarm_value=5e-5,
         comparison=pd.DataFrame(
             {
                 "design": KEYS,
@@ -234,7 +235,8 @@ def _stability(verdict: str) -> StabilitySection:
                 "abscissa_omega": 8.54527,
                 "unstable_roots": 0,
                 "delay_independent": "proven",
-                "agreement": "roots, argument principle and sweep agree",
+                "agreement": "roots 0, argument principle 0, sweep 0",
+                "reason": "",
             }
             for n, (key, role) in enumerate(zip(KEYS, ROLES, strict=True))
         ]

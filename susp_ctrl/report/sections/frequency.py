@@ -50,7 +50,7 @@ def frequency_section(run: StudyRun) -> Section | None:
             caption="Highest point of |H| per road velocity.",
             frame=data.peaks,
             columns=(
-                Column("design", "design", "long", words=labels(run)),
+                Column("design", "design", words=labels(run)),
                 Column("output", "output", "signal"),
                 Column("road", "road"),
                 Column("omega_rad_per_s", "ω (rad/s)", "number", 4),
@@ -66,7 +66,7 @@ def frequency_section(run: StudyRun) -> Section | None:
 def _bode(run: StudyRun, data: FrequencySection, output: str) -> MatplotlibFigure:
     from susp_ctrl.plotting import draw_bode, new_figure, shared_legend
 
-    figure, axes = new_figure(2, 1, height=4.9, sharex=True, height_ratios=(1.25, 1.0))
+    figure, axes = new_figure(2, 1, height=4.4, sharex=True, height_ratios=(1.25, 1.0))
     row = data.outputs.index(output)
     names = labels(run)
     unit = run.signal_units.get(output, "")

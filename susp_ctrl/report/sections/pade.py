@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
-from susp_ctrl.report.formatting import number_text
+from susp_ctrl.report.formatting import capital, number_text
 from susp_ctrl.report.looks import labels
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def pade_section(run: StudyRun) -> Section | None:
         blocks.append(
             Table(
                 key=f"pade_{case.design}",
-                caption=f"{names[case.design]}: error of Padé against exact delays.",
+                caption=f"{capital(names[case.design])}: error of Padé against exact delays.",
                 frame=case.table,
                 columns=(
                     Column("order", "order", "integer"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
-from susp_ctrl.report.formatting import exact_text, number_text
+from susp_ctrl.report.formatting import capital, exact_text, number_text
 from susp_ctrl.report.looks import labels
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def stability_section(run: StudyRun) -> Section | None:
             caption="Stability of all designs. Rightmost root: real part (spectral abscissa) and imaginary part.",
             frame=data.verdicts,
             columns=(
-                Column("design", "design", "long", words=names),
+                Column("design", "design", words=names),
                 Column("verdict", "verdict"),
                 Column("abscissa", "abscissa (1/s)", "fixed", 5),
                 Column("abscissa_omega", "at ω (rad/s)", "fixed", 5),
@@ -72,7 +72,7 @@ def _lines(run: StudyRun, data: StabilitySection) -> list[Block]:
             frame=pd.concat([_keyed(line, line.intervals) for line in data.lines], ignore_index=True),
             shown=_interval_rows(run, data),
             columns=(
-                Column("label", "design", "long"),
+                Column("label", "design"),
                 Column("from", "τ from", "exact"),
                 Column("to", "to", "exact"),
                 Column("roots", "unstable roots", "integer"),
@@ -90,7 +90,7 @@ def _lines(run: StudyRun, data: StabilitySection) -> list[Block]:
             frame=crossings,
             shown=crossings.assign(label=crossings["design"].map(labels(run))),
             columns=(
-                Column("label", "design", "long"),
+                Column("label", "design"),
                 Column("line", "line"),
                 Column("tau", "τ", "number", 6),
                 Column("omega", "ω (rad/s)", "number", 6),
@@ -136,14 +136,14 @@ def _interval_rows(run: StudyRun, data: StabilitySection) -> pd.DataFrame:
         for interval in line.intervals.to_dict(orient="records"):
             rows.append(
                 {
-                    "line": f"{line.label}: τ is the {line.parameter}",
+                    "line": f"{capital(line.label)}: τ is the {line.parameter}",
                     "label": names[line.design] if first else "",
                     "from": interval["tau_from"],
                     "to": interval["tau_to"],
                     "roots": interval["unstable_roots"],
-                    "design_at": line.tau_of_design if first else None,
+                    "design_at": line.tau_of_design if first else "",
                     "margin": _margin(line) if first else "",
-                    "crossings": len(line.crossings) if first else None,
+                    "crossings": len(line.crossings) if first else "",
                 }
             )
             first = False
@@ -195,7 +195,7 @@ def _draw_intervals(run: StudyRun, data: StabilitySection) -> MatplotlibFigure:
     kinds = list(dict.fromkeys(line.line for line in data.lines))
     counts = [sum(line.line == kind for line in data.lines) for kind in kinds]
     figure, axes = new_figure(
-        len(kinds), 1, height=0.5 + sum(0.62 + 0.24 * count for count in counts), height_ratios=counts
+        len(kinds), 1, height=0.5 + sum(0.62 + 0.27 * count for count in counts), height_ratios=counts
     )
     for ax, kind in zip(axes[:, 0], kinds, strict=True):
         same = [line for line in data.lines if line.line == kind]

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
-from susp_ctrl.report.formatting import signal_text, unit_text
+from susp_ctrl.report.formatting import exact_text, signal_text, unit_text
 from susp_ctrl.report.looks import labels, looks
 
 if TYPE_CHECKING:
@@ -106,13 +106,22 @@ def rms_table(run: StudyRun, case: TimeCase) -> Table:
         key=f"rms_{case.key}",
         caption=f"RMS of the six indicators, {case.label}: passive car against published and tuned design.",
         frame=frame,
-        shown=frame.assign(group=group),
+        shown=_as_printed(frame, designs).assign(group=group),
         columns=tuple(columns),
         group="group",
         note="Change against the passive car by the same method: ▼ less (better), ▲ more (worse). “No simulation”: "
         "from the exact frequency response, without transient and without sampling error. “Printed”: the source's "
         "own numbers.",
     )
+
+
+def _as_printed(frame: pd.DataFrame, designs: list[str]) -> pd.DataFrame:
+    # A printed number is shown with the digits that it was printed with, not with ours.
+    shown = frame.astype(dict.fromkeys(designs, object))
+    printed = shown["method"] == "printed"
+    for key in designs:
+        shown.loc[printed, key] = [exact_text(value) for value in frame.loc[printed, key]]
+    return shown
 
 
 def _pairs(designs: list[str], changes: list[str]) -> list[str]:
@@ -183,12 +192,12 @@ def _indices_table(run: StudyRun, case: TimeCase) -> Table:
 
 
 def _draw_road(case: TimeCase) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_road, new_figure
+    from susp_ctrl.plotting import draw_road, new_figure, shared_legend
 
     figure, axes = new_figure(height=1.9)
-    draw_road(
-        case.timepts, {signal_text(name): rows for name, rows in case.road_profiles.items()}, axes[0, 0]
-    )
+    profiles = {signal_text(name): rows for name, rows in case.road_profiles.items()}
+    draw_road(case.timepts, profiles, axes[0, 0], legend=False)
+    shared_legend(figure, axes)
     return figure
 
 
@@ -229,7 +238,7 @@ def _draw_histories(run: StudyRun, case: TimeCase) -> MatplotlibFigure:
 
 
 def _draw_changes(run: StudyRun, case: TimeCase) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_changes, new_figure
+    from susp_ctrl.plotting import draw_changes, new_figure, shared_legend
 
     names = labels(run)
     exact = case.rms[case.rms["method"] == "exact"]
@@ -243,5 +252,6 @@ def _draw_changes(run: StudyRun, case: TimeCase) -> MatplotlibFigure:
         if key != "passive"
     }
     figure, axes = new_figure(height=0.7 + 0.2 * len(indicators) * max(len(changes), 1))
-    draw_changes([signal_text(name) for name in indicators], changes, axes[0, 0])
+    draw_changes([signal_text(name) for name in indicators], changes, axes[0, 0], legend=False)
+    shared_legend(figure, axes)
     return figure

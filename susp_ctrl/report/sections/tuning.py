@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
-from susp_ctrl.report.formatting import with_unit
+from susp_ctrl.report.blocks import Block, Column, Figure, Heading, Section, Table, Text
+from susp_ctrl.report.formatting import capital, number_text, with_unit
 from susp_ctrl.report.looks import labels, looks
 
 if TYPE_CHECKING:
@@ -42,10 +42,14 @@ def _search(run: StudyRun, search: TuningRun) -> list[Block]:
     settings = ", ".join(f"{name} {value}" for name, value in search.settings.items())
     unit = search.unit
     blocks: list[Block] = [
-        Text(f"{search.label}. {search.objective_text} Settings: {settings}. {search.message}"),
+        Heading(capital(search.label)),
+        Text(
+            f"{search.objective_text.rstrip('.')}. Settings: {settings}. The swarm reached "
+            f"J = {number_text(search.swarm_value)}, the local polish {number_text(search.value)}. {search.message}"
+        ),
         Table(
             key=f"tuning_{search.key}",
-            caption=f"{search.label}: search bounds and the design found.",
+            caption=f"{capital(search.label)}: search bounds and the design found.",
             frame=search.bounds,
             columns=(
                 Column("parameter", "parameter"),
@@ -57,17 +61,20 @@ def _search(run: StudyRun, search: TuningRun) -> list[Block]:
         ),
         Table(
             key=f"objective_{search.key}",
-            caption=f"{search.label}: objective of all designs.",
+            caption=f"{capital(search.label)}: objective of all designs.",
             frame=search.comparison,
             columns=(
-                Column("design", "design", "long", words=names),
+                Column("design", "design", words=names),
                 Column("role", "origin"),
                 Column("objective_value", with_unit("J", unit), "number", 5),
                 Column("ratio_to_passive", "J/J of the passive car", "number", 4),
             ),
         ),
         Table(
-            f"convergence_{search.key}", f"{search.label}: convergence.", search.history, in_document=False
+            f"convergence_{search.key}",
+            f"{capital(search.label)}: convergence.",
+            search.history,
+            in_document=False,
         ),
     ]
     if search.closed_form is not None:
@@ -81,7 +88,7 @@ def _closed_form(search: TuningRun) -> Table:
     assert search.closed_form is not None
     return Table(
         key=f"closed_form_{search.key}",
-        caption=f"{search.label}: the exact optima J = 0 inside the bounds, and the one the search arrived at.",
+        caption=f"{capital(search.label)}: the exact optima J = 0 inside the bounds, and the one that was found.",
         frame=search.closed_form,
         columns=(
             Column("measured", "measured", "signal"),
@@ -106,7 +113,7 @@ def _detuning(run: StudyRun, search: TuningRun) -> list[Block]:
     return [
         Table(
             key=f"detuning_{search.key}",
-            caption=f"{search.label}: how the objective grows when the road's frequency is not the one tuned for.",
+            caption=f"{capital(search.label)}: how J grows when the road's frequency is not the one tuned for.",
             frame=detuning,
             shown=shown,
             columns=(
@@ -117,7 +124,7 @@ def _detuning(run: StudyRun, search: TuningRun) -> list[Block]:
         ),
         Figure(
             key=f"detuning_{search.key}",
-            caption=f"{search.label}: J over the error in frequency; dotted lines at ±5 %.",
+            caption=f"{capital(search.label)}: J over the error in frequency; dotted lines at ±5 %.",
             draw=partial(_draw_detuning, run, search),
         ),
     ]

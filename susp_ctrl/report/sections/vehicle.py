@@ -119,7 +119,7 @@ def _designs_table(run: StudyRun, frame: pd.DataFrame) -> Table:
         caption="Gains and delays of all designs.",
         frame=frame,
         columns=(
-            Column("label", "design", "long"),
+            Column("label", "design"),
             Column("role", "origin"),
             *gains,
             *delays,
