@@ -25,6 +25,7 @@ from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.lft import ComplexArray
 from susp_ctrl.delay_systems.roots import RootSet, rightmost_roots
+from susp_ctrl.delay_systems.sweep import sweep_delays
 from susp_ctrl.errors import UndecidedStabilityWarning
 
 ROOTS, ARGUMENT, SWEEP = "roots", "argument principle", "sweep"
@@ -187,14 +188,17 @@ def _count(K: CharacteristicMatrix, line: float) -> int | None:
 
 
 def _count_by_sweep(system: DelayLTI) -> int | None:
-    """Unstable roots at the end of the sweep from no delay to the full delays; None if it cannot tell."""
-    try:
-        from susp_ctrl.delay_systems.sweep import sweep_delays
-    except ImportError:
-        return None
-    start = np.zeros(system.delays.size)
+    """Unstable roots without delay plus all that cross until the delays are full; None if not proven."""
+    undelayed = np.zeros(system.delays.size)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UndecidedStabilityWarning)
-        intervals = sweep_delays(system, direction=system.delays, start=start, up_to=1.0).intervals
-    last = intervals["unstable_roots"].iloc[-1] if len(intervals) else None
-    return None if last is None or not np.isfinite(float(last)) or last < 0 else int(last)
+        sweep = sweep_delays(system, direction=system.delays, start=undelayed, up_to=1.0)
+    if not sweep.proven or sweep.axis_roots:
+        return None
+    tau, tendency = (sweep.crossings[name].to_numpy() for name in ("tau", "tendency"))
+    at_an_end = np.minimum(tau, 1.0 - tau) < 1e-9
+    poles = np.linalg.eigvals(system.with_delays(undelayed).folded.plant.A)
+    if np.any(at_an_end) or np.any(np.abs(poles.real) <= 1e-9 * np.abs(poles).max()):
+        return None
+    # roots that cross come in pairs: one on the axis at s = 0 would be there for all delays
+    return int(np.sum(poles.real > 0.0)) + 2 * int(np.sum(tendency))
