@@ -19,7 +19,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "UnstableSystemError",
         "PadeOrderWarning",
     ),
-    "susp_ctrl.vehicle": ("QuarterCar", "HalfCar", "FullCar", "Seat"),
+    "susp_ctrl.vehicle": ("QuarterCar", "HalfCar", "FullCar", "Seat", "vehicle_preset"),
     "susp_ctrl.road": (
         "HarmonicRoad",
         "RandomRoad",

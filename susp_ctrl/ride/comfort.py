@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
+from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from susp_ctrl import validation
 
@@ -57,7 +57,7 @@ class Exposure(NamedTuple):
 
 def mean_square(t: FloatArray, values: FloatArray) -> FloatArray:
     """Return the time average of values^2 along the last axis, by the trapezoidal rule."""
-    return np.asarray(np.trapezoid(values**2, t) / (t[-1] - t[0]))
+    return np.asarray(trapezoid(values**2, t) / (t[-1] - t[0]))
 
 
 def exposure(t: FloatArray, weighted: FloatArray) -> Exposure:
@@ -69,7 +69,7 @@ def exposure(t: FloatArray, weighted: FloatArray) -> Exposure:
     """
     duration = t[-1] - t[0]
     rms = float(np.sqrt(mean_square(t, weighted)))
-    vdv = float(np.trapezoid(weighted**4, t) ** 0.25)
+    vdv = float(trapezoid(weighted**4, t) ** 0.25)
     mtvv = _largest_running_rms(t, weighted, window=1.0)
     scale = rms if rms > 0 else np.nan
     return Exposure(

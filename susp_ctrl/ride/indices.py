@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
 
 from susp_ctrl import validation
@@ -245,5 +246,5 @@ def _actuator_rows(t: FloatArray, record: Mapping[str, FloatArray]) -> Iterator[
         velocity = record.get(f"suspension_velocity{axle}")
         if velocity is not None:
             power = force * velocity
-            yield f"actuator_power{axle}_mean", float(np.trapezoid(power, t) / (t[-1] - t[0])), "W"
+            yield f"actuator_power{axle}_mean", float(trapezoid(power, t) / (t[-1] - t[0])), "W"
             yield f"actuator_power{axle}_peak", _peak(power), "W"

@@ -9,6 +9,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
 from scipy.signal import welch
 
@@ -177,8 +178,8 @@ class MeasuredRoad(Road):
     def rms(self) -> float:
         """Return the RMS elevation (m) about the mean of the record, by distance."""
         x, z = self.samples
-        mean = np.trapezoid(z, x) / x[-1]
-        return float(np.sqrt(np.trapezoid((z - mean) ** 2, x) / x[-1]))
+        mean = trapezoid(z, x) / x[-1]
+        return float(np.sqrt(trapezoid((z - mean) ** 2, x) / x[-1]))
 
     def fit_iso8608(self, n_min: float = 0.011, n_max: float = 2.83) -> Iso8608Spectrum:
         """Return the straight line G_d(n0) (n/n0)^-w that fits the estimated PSD in log-log (least squares).

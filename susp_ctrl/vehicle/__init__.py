@@ -9,7 +9,18 @@ from __future__ import annotations
 from susp_ctrl.vehicle.full_car import FullCar
 from susp_ctrl.vehicle.half_car import HalfCar
 from susp_ctrl.vehicle.mechanics import GRAVITY, Tire
+from susp_ctrl.vehicle.presets import VEHICLE_PRESETS, VehiclePreset, vehicle_preset
 from susp_ctrl.vehicle.quarter_car import QuarterCar
 from susp_ctrl.vehicle.seat import Seat
 
-__all__ = ["GRAVITY", "FullCar", "HalfCar", "QuarterCar", "Seat", "Tire"]
+__all__ = [
+    "GRAVITY",
+    "VEHICLE_PRESETS",
+    "FullCar",
+    "HalfCar",
+    "QuarterCar",
+    "Seat",
+    "Tire",
+    "VehiclePreset",
+    "vehicle_preset",
+]
