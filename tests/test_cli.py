@@ -1,0 +1,152 @@
+"""The command line as a person uses it: real processes' exit codes, one line per mistake, no half-written report."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+import susp_ctrl as sc
+from susp_ctrl.cli import app
+
+STUDY = Path(__file__).parents[1] / "studies" / "wu_ren_2020.toml"
+
+pytestmark = pytest.mark.end_to_end
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.fixture
+def edited(tmp_path: Path):
+    """Return a function that writes the paper's study with some text replaced."""
+
+    def edit(old: str, new: str) -> Path:
+        text = STUDY.read_text(encoding="utf-8")
+        assert old in text, old
+        path = tmp_path / "edited.toml"
+        path.write_text(text.replace(old, new, 1), encoding="utf-8")
+        return path
+
+    return edit
+
+
+def assert_one_line(result: Result, *parts: str) -> None:
+    assert result.exit_code == 2, result.output
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1, lines
+    assert lines[0].startswith("susp-ctrl: ")
+    for part in parts:
+        assert part in lines[0], lines[0]
+
+
+def test_help_names_every_command_and_every_command_has_help_with_an_example() -> None:
+    overview = call("--help")
+    assert overview.exit_code == 0
+    for command in ("run", "list", "check", "stability", "sweep-delays", "compare-pade", "tune"):
+        assert command in overview.output
+        detail = call(command, "--help")
+        assert detail.exit_code == 0
+        assert "Example: susp-ctrl" in " ".join(detail.output.split())
+
+
+def test_a_mistyped_command_or_option_names_the_nearest() -> None:
+    for arguments in (["stabilty", STUDY], ["run", STUDY, "--ouut", "x"]):
+        result = call(*arguments)
+        assert result.exit_code == 2
+        assert "Did you mean" in " ".join(result.stderr.replace("Possible options", "Did you mean").split())
+
+
+def test_list_shows_titles_and_refuses_an_empty_folder(tmp_path: Path) -> None:
+    listing = call("list", STUDY.parent)
+    assert listing.exit_code == 0
+    assert "Double time-delay active suspension" in listing.output
+    assert_one_line(call("list", tmp_path), str(tmp_path), "no study file")
+    assert_one_line(call("list", tmp_path / "nowhere"), "no such folder")
+
+
+@pytest.mark.parametrize("command", ["run", "check", "stability", "sweep-delays", "compare-pade", "tune"])
+def test_a_missing_file_is_one_line(command: str, tmp_path: Path) -> None:
+    assert_one_line(call(command, tmp_path / "nothing.toml"), "nothing.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "parts"),
+    [
+        ("body_mass_kg = 690.0", "body_mass_kg = -690.0", ("edited.toml", "body_mass_kg", "-690", "greater than 0")),
+        ("body_mass_kg = 690.0", "body_mass_kg = 'heavy'", ("body_mass_kg", "heavy")),
+        ("body_mass_kg = 690.0", "body_mas_kg = 690.0", ("body_mas_kg", "body_mass_kg")),
+        ('actuator = "force_front"', 'actuator = "force_frnt"', ("force_frnt", "force_front")),
+        ("delay_s = 0.3255", "delay_s = -0.3255", ("delay_s", "-0.3255", "at least 0")),
+        ("omega_from_rad_per_s = 0.5", "omega_from_rad_per_s = 500.0", ("omega", "500")),
+        ("gain_from_N_per_m = -34000.0", "gain_from_N_per_m = 35000.0", ("gain", "35000", "34000")),
+        ("[vehicle]", "[vehicle", ("edited.toml",)),
+    ],
+)  # fmt: skip
+def test_bad_studies_are_one_line_that_names_file_key_value_and_what_is_allowed(
+    edited, old, new, parts
+) -> None:
+    assert_one_line(call("check", edited(old, new)), *parts)
+
+
+def test_changes_on_the_command_line_are_checked_like_the_file() -> None:
+    assert_one_line(call("stability", STUDY, "--set", "vehicle.body_mass_kg=-1"), "body_mass_kg", "-1")
+    assert_one_line(call("stability", STUDY, "--set", "vehicle.body_mas_kg=1"), "body_mas_kg", "body_mass_kg")
+    assert_one_line(call("stability", STUDY, "--set", "vehicle"), "KEY=VALUE")
+
+
+def test_stability_answers_in_json_and_agrees_with_the_known_roots() -> None:
+    """Rightmost roots of the published designs as computed from eq. (1) by an independent program."""
+    result = call("stability", STUDY, "--json")
+    assert result.exit_code == 0, result.output
+    verdicts = {row["design"]: row for row in json.loads(result.stdout)["verdicts"]}
+    assert all(row["verdict"] == "stable" for row in verdicts.values())
+    assert round(verdicts["random_published"]["abscissa"], 5) == -1.17254
+    assert round(verdicts["harmonic_published"]["abscissa"], 5) == -2.24877
+
+
+def test_a_change_of_the_study_reaches_the_computation() -> None:
+    result = call(
+        "stability", STUDY, "--json",
+        "--set", "designs[random_published].channels[1].gain_N_per_m=300000",
+    )  # fmt: skip
+    verdicts = {row["design"]: row for row in json.loads(result.stdout)["verdicts"]}
+    assert verdicts["random_published"]["verdict"] == "unstable"
+    assert verdicts["harmonic_published"]["verdict"] == "stable"
+
+
+def test_a_command_whose_section_the_study_lacks_says_so(tmp_path: Path) -> None:
+    text = STUDY.read_text(encoding="utf-8")
+    path = tmp_path / "short.toml"
+    path.write_text(text[: text.index("[frequency]")], encoding="utf-8")
+    assert_one_line(call("tune", path), "short.toml", "[tuning]")
+
+
+def test_a_run_that_fails_leaves_no_report_and_keeps_the_old_one(tmp_path: Path, monkeypatch) -> None:
+    target = tmp_path / "report"
+    target.mkdir()
+    (target / "manifest.json").write_text("old")
+    import susp_ctrl.study
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(susp_ctrl.study, "compute_study", interrupted)
+    result = call("run", STUDY, "--out", target)
+    assert result.exit_code == 130
+    assert "nothing was written" in result.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["report"]
+    assert (target / "manifest.json").read_text() == "old"
+
+
+def test_the_installed_command_exists() -> None:
+    command = shutil.which("susp-ctrl", path=Path(sys.executable).parent)
+    assert command is not None
+    done = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"susp-ctrl {sc.__version__}\n"
