@@ -71,10 +71,12 @@ def audit_roots(bench: Workbench, printed: PrintedRoots, tolerance: float) -> Ro
     for n, (root, numbers) in enumerate(zip(printed.roots, given, strict=True)):
         explained = abs(misprinted[n] - values[n]) <= _ALL_DIGITS * abs(values[n])
         model = f"eq. (1) with this design and no delay has {_complex_text(paired[n])} 1/s nearest"
-        why = (
-            f"{model}; the state matrix with {len(printed.substitutions)} wrong entries, among them gains of 1 N/m, "
-            f"has {_complex_text(misprinted[n], 15)} 1/s: the same to {_digits(misprinted[n], values[n])} digits"
-        )
+        evidence = model
+        if explained:
+            evidence += (
+                f"; the state matrix with the {len(printed.substitutions)} named misprints has "
+                f"{_complex_text(misprinted[n], 15)} 1/s: the same to {_digits(misprinted[n], values[n])} digits"
+            )
         parts = (("real part", numbers[0], paired[n].real), ("imaginary part", numbers[1], paired[n].imag))
         for name, number, computed in parts:
             verdict = REPRODUCED if agrees(number, computed, tolerance) else NOT_REPRODUCED
@@ -83,7 +85,6 @@ def audit_roots(bench: Workbench, printed: PrintedRoots, tolerance: float) -> Ro
                 verdict = NOT_REPRODUCED
             if verdict == NOT_REPRODUCED and explained:
                 verdict = EXPLAINED
-            evidence = why if explained else model
             rows.append(
                 AuditRow(
                     printed.item, f"{root.name}, {name}", number, float(computed), "1/s", verdict, evidence

@@ -28,15 +28,15 @@ def audit_printed_table(
 ) -> list[AuditRow]:
     """Hold a printed RMS table against the simulation of its case, passive and active, and its percentages."""
     values = case.rms.set_index(["indicator", "design", "method"])["value"]
-    phase = _phase_evidence(bench, printed)
+    passive = _phase_evidence(bench, printed) if printed.road_printed else _scale_evidence(values, printed)
     rows = []
     for row in printed.rows:
         for column, key, text in (("passive", PASSIVE, row.passive), ("active", printed.active, row.active)):
             simulated = float(values[row.indicator, key, EXACT])
             unit = str(case.rms.loc[case.rms["indicator"] == row.indicator, "unit"].iloc[0])
             evidence = _entry_evidence(values, row, key, unit, printed)
-            if column == "passive" and phase:
-                evidence += f" {phase}"
+            if column == "passive" and passive:
+                evidence += f" {passive}"
             where = f"{row.indicator}, {column}"
             rows.append(compared(printed.item, where, text, simulated, unit, tolerance, evidence))
     for row in printed.rows:
@@ -59,6 +59,18 @@ def _entry_evidence(values: pd.Series, row: PrintedRow, key: str, unit: str, pri
             f"printed {active / passive:.3f}, computed {ratio:.3f} whatever the road class."
         )
     return text
+
+
+def _scale_evidence(values: pd.Series, printed: PrintedTable) -> str:
+    """Say by which factors of the road's amplitude the printed passive column would follow from the computed one."""
+    factors = [
+        printed_number(row.passive).value / float(values[row.indicator, PASSIVE, EXACT])
+        for row in printed.rows
+    ]
+    return (
+        "A rougher road of the same shape would scale the whole column by one factor; the printed entries need "
+        f"factors from {min(factors):.2f} to {max(factors):.2f}."
+    )
 
 
 def _percentages(

@@ -83,9 +83,11 @@ class DelayIndependence:
     verdict : {"stable", "unstable", "undecided"}
         ``"stable"``: proven for every gain up to the corner and every delay.
     supremum : float
-        sup_w rho(|G(jw)| diag|g|) at the corner; below 1 is the proof.
+        Small gain: sup_w rho(|G(jw)| diag|g|) at the corner; below 1 is the proof for every smaller gain as well.
     margin : float
-        Factor by which all gains could grow before the proof fails, 1/supremum.
+        Factor by which all gains could grow before this proof fails, 1/supremum.
+    exact_margin : float
+        Factor at which some delays do destabilise the loop (where that is not known exactly, a bound); >= `margin`.
     omega : float
         Where the supremum is taken (rad/s).
     single_channel : DataFrame
@@ -99,6 +101,7 @@ class DelayIndependence:
     verdict: StabilityWord
     supremum: float
     margin: float
+    exact_margin: float
     omega: float
     single_channel: pd.DataFrame
     curve_omega: FloatArray

@@ -165,15 +165,17 @@ def _independence(bench: Workbench, box: Sequence[BoxSettings]) -> DelayIndepend
             "unit": unit,
         }
         single.append(name | threshold)
-    omega = np.geomspace(max(whole.omega, 1e-3) / 30, max(whole.omega, 1e-3) * 30, _CURVE_POINTS)
+    centre = max(float(whole.small_gain_omega), 1e-3)
+    omega = np.geomspace(centre / 30, centre * 30, _CURVE_POINTS)
     return DelayIndependence(
         gains=pd.DataFrame(
             [n | {"gain": b.gain, "unit": u} for n, b, u in zip(names, box, units, strict=True)]
         ),
         verdict=_WORDS[whole.stable],
-        supremum=1.0 / float(whole.margin),
-        margin=float(whole.margin),
-        omega=float(whole.omega),
+        supremum=float(whole.small_gain),
+        margin=float(1.0 / whole.small_gain) if whole.small_gain else np.inf,
+        exact_margin=float(whole.margin),
+        omega=float(whole.small_gain_omega),
         single_channel=pd.DataFrame(single),
         curve_omega=omega,
         curve_radius=_radius(bench, corner, omega),

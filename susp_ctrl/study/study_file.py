@@ -258,6 +258,8 @@ def _set(table: dict[str, Any], path: str, value: Any) -> None:
     """Set a key of nested tables by its path."""
     here: Any = table
     steps = _STEP.findall(path)
+    if sum(match.end() - match.start() for match in _STEP.finditer(path)) != len(path):
+        raise InputError(f"{path} = {value!r}: a path such as time[random].road.seed is needed")
     for n, (name, entry) in enumerate(steps):
         if not isinstance(here, dict):
             raise InputError(f"{path} = {value!r}: there is no such key")
