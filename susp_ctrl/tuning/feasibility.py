@@ -108,7 +108,7 @@ class StabilityTest:
         self._decay, self._tolerance = decay, delay_tolerance
         self._plant = _shifted(realization, decay)
         poles = self._plant.eigenvalues
-        if np.any(np.abs(poles.real) < 1e-9 * np.abs(poles).max(initial=0.0)):
+        if np.any(np.abs(poles.real) <= 1e-9 * np.abs(poles).max(initial=0.0)):
             raise InputError(
                 f"the plant has a pole on the line Re s = {-decay:g}: stability cannot be counted along it"
             )

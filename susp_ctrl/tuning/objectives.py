@@ -239,8 +239,11 @@ class RoadRms:
         sampled = plant.sample(omega, list(self.weights), self.lags)
         weights = np.array(list(self.weights.values()))
 
+        ones = np.ones(omega.size)
+
         def reduce(h: ComplexArray) -> FloatArray:
-            return np.sqrt((h.real**2 + h.imag**2).sum(axis=1)) @ weights
+            # The sum over frequencies as a product: several times faster than a strided sum.
+            return np.sqrt(ones @ (h.real**2 + h.imag**2)) @ weights
 
         return SampledObjective(omega, _scaled(sampled, density[:, None]), reduce)
 
