@@ -20,7 +20,7 @@ References
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -86,7 +86,7 @@ def unit_moduli(chain: LoopMatrices, omega: FloatArray) -> ComplexArray:
         resolvent = np.linalg.solve(
             s[:, None, None] * np.eye(n) - chain.A, np.broadcast_to(chain.B, (s.size, *chain.B.shape))
         )
-        return 1.0 / np.linalg.eigvals(chain.C @ resolvent + chain.D)
+        return 1.0 / np.linalg.eigvals(chain.C @ resolvent + chain.D).astype(complex)
 
 
 def chain_zeros(chain: LoopMatrices, loop: LoopMatrices, coordinate: Coordinate) -> Zeros:
@@ -116,7 +116,7 @@ def polished_zeros(
     omega, y, sharpness = omega[good], y[good], sharpness[good]
     w_scale = float(np.abs(omega).max(initial=0.0)) or 1.0
 
-    def distances(k: int, others: np.ndarray) -> FloatArray:
+    def distances(k: Any, others: np.ndarray) -> FloatArray:
         gap = y[others] - y[k]
         if turn is not None:
             gap = gap - turn * np.round(gap / turn)
@@ -159,6 +159,8 @@ def winding(
     edge = np.linspace(0.0, 4.0, 128, endpoint=False)
     sign = _edge_sign(loop, coordinate, edge, omega, y, h, g)
     for _ in range(40):
+        if np.any(sign == 0.0):
+            return None
         steps = np.angle(np.roll(sign, -1) / sign)
         coarse = np.abs(steps) > 0.8
         if not np.any(coarse):

@@ -36,8 +36,8 @@ from susp_ctrl import validation
 from susp_ctrl.delay_systems.argument_principle import count_unstable_roots
 from susp_ctrl.delay_systems.delay_line import LoopMatrices, delay_line
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
-from susp_ctrl.delay_systems.exclusion import frequency_bound, perron_bound, small_gain_bands
 from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray, Realization, sample_plant
+from susp_ctrl.delay_systems.small_gain import frequency_bound, perron_bound, small_gain_bands
 from susp_ctrl.delay_systems.torus import structured_gain
 from susp_ctrl.errors import UndecidedStabilityWarning
 

@@ -67,8 +67,8 @@ class Coordinate(Protocol):
     def slopes(self, omega: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the derivatives of phi_k with respect to omega and to y."""
 
-    def spread(self, omega: FloatArray, y: FloatArray, h: FloatArray, g: FloatArray) -> FloatArray:
-        """Return a bound on the change of phi_k within ``|delta omega| <= h, |delta y| <= g``."""
+    def mixed(self) -> FloatArray:
+        """Return the derivative of phi_k with respect to both; no other second derivative exists."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +86,9 @@ class DelayCoordinate:
         """Return the delays, and omega times the direction."""
         return self.start + self.direction * y[:, None], omega[:, None] * self.direction
 
-    def spread(self, omega: FloatArray, y: FloatArray, h: FloatArray, g: FloatArray) -> FloatArray:
-        """Return h (start + direction y) + (omega + h) |direction| g."""
-        delays = np.abs(self.start + self.direction * y[:, None])
-        return h[:, None] * delays + ((omega + h) * g)[:, None] * np.abs(self.direction)
+    def mixed(self) -> FloatArray:
+        """Return the direction."""
+        return self.direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +107,9 @@ class AngleCoordinate:
         shape = (omega.size, self.start.size)
         return np.broadcast_to(self.start, shape), np.broadcast_to(self.multiples, shape)
 
-    def spread(self, omega: FloatArray, y: FloatArray, h: FloatArray, g: FloatArray) -> FloatArray:
-        """Return h start + multiples g."""
-        return h[:, None] * np.abs(self.start) + g[:, None] * np.abs(self.multiples)
+    def mixed(self) -> FloatArray:
+        """Return zeros."""
+        return np.zeros_like(self.start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +168,7 @@ def delay_line(sys: DelayLTI, direction: FloatArray, start: FloatArray, up_to: f
     position = np.rint(kept).astype(int) - 1
     matrices, inside = _loop_matrices(plant.A, plant.B2, plant.C2, plant.D22)
     s, d = per_channel[0][position[inside]], per_channel[1][position[inside]]
+    matrices, s, d = _merged(matrices, s, d)
     step, multiples = _commensurate(d)
     return DelayLine(matrices, s, d, up_to, step, multiples, _offset(s, d) if step is not None else None)
 
@@ -194,6 +194,28 @@ def bordered(
     return W, W_omega, W_y
 
 
+def roots_always_on_axis(line: DelayLine) -> tuple[float, ...]:
+    """Return the frequencies >= 0 of roots on the axis that no delay moves."""
+    loop = line.matrices
+    if loop.n_states == 0:
+        return ()
+    found = []
+    norm = float(np.linalg.norm(loop.A, 2))
+    closed = loop.closed(np.ones(loop.n_channels))
+    values = np.linalg.svd(closed, compute_uv=False)
+    if values[-1] <= 1e-13 * max(values[0], 1e-300):
+        found.append(0.0)
+    poles = np.linalg.eigvals(loop.A)
+    suspects = np.unique(poles.imag[(np.abs(poles.real) <= 1e-9 * norm) & (poles.imag > 1e-9 * norm)])
+    for omega in suspects:
+        places = line.up_to * np.array([0.217, 0.513, 0.871])
+        W = bordered(loop, line.by_delay(), np.full(3, omega), places)[0]
+        sizes = np.linalg.svd(W, compute_uv=False)
+        if np.all(sizes[:, -1] <= 1e-9 * sizes[:, 0]):
+            found.append(float(omega))
+    return tuple(found)
+
+
 def _loop_matrices(
     A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray
 ) -> tuple[LoopMatrices, np.ndarray]:
@@ -214,6 +236,24 @@ def _loop_matrices(
         _, (scale, _) = scipy.linalg.matrix_balance(whole, permute=False, separate=True)
         whole = whole / scale[:, None] * scale
     return LoopMatrices(whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]), inside
+
+
+def _merged(
+    loop: LoopMatrices, start: FloatArray, direction: FloatArray
+) -> tuple[LoopMatrices, FloatArray, FloatArray]:
+    """Where more channels than states share one delay, let as many channels as states stand for them."""
+    if np.any(loop.D):
+        return loop, start, direction
+    kinds, group = np.unique(np.column_stack([start, direction]), axis=0, return_inverse=True)
+    B, C, owner = [np.zeros((loop.n_states, 0))], [np.zeros((0, loop.n_states))], []
+    for k in range(len(kinds)):
+        own = np.flatnonzero(group.ravel() == k)
+        wide = own.size > loop.n_states
+        B.append(loop.B[:, own] @ loop.C[own] if wide else loop.B[:, own])
+        C.append(np.eye(loop.n_states) if wide else loop.C[own])
+        owner += [k] * C[-1].shape[0]
+    merged = LoopMatrices(loop.A, np.hstack(B), np.vstack(C), np.zeros((len(owner), len(owner))))
+    return merged, kinds[owner, 0], kinds[owner, 1]
 
 
 def _commensurate(direction: FloatArray) -> tuple[float | None, FloatArray | None]:

@@ -21,7 +21,7 @@ References
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -32,16 +32,18 @@ from numpy.typing import ArrayLike
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.argument_principle import count_roots_right_of
 from susp_ctrl.delay_systems.crossings import Zeros, chain_zeros, unit_chain
-from susp_ctrl.delay_systems.delay_line import DelayLine, bordered, delay_line
+from susp_ctrl.delay_systems.delay_line import bordered, delay_line, roots_always_on_axis
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
-from susp_ctrl.delay_systems.exclusion import search_zeros, small_gain_bands
+from susp_ctrl.delay_systems.exclusion import search_zeros
 from susp_ctrl.delay_systems.lft import FloatArray
+from susp_ctrl.delay_systems.small_gain import small_gain_bands
+from susp_ctrl.delay_systems.sweep_books import Books, Crossings, crossing_table, merged, nothing_found
 from susp_ctrl.delay_systems.sweep_result import DelaySweep
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
 # Largest eigenvalue problem of the exact way; above it branch and bound is faster.
 _LARGEST_PENCIL = 200
-_COUNTED_INTERVALS = 8
+_COUNTED_INTERVALS = 5
 
 
 def sweep_delays(
@@ -102,48 +104,24 @@ def _per_delay(name: str, value: ArrayLike, n: int) -> FloatArray:
     )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Crossings along the line: one entry per event; ``roots`` is the net change of unstable roots."""
-
-    tau: FloatArray
-    omega: FloatArray
-    degree: np.ndarray
-    roots: np.ndarray
-    complete: bool
-    none_ever: bool
-    method: str
-
-
-@dataclass(frozen=True, eq=False)
-class _Books:
-    """Intervals between events, the counts made in them, and whether the sums agree."""
-
-    edges: FloatArray
-    roots: np.ndarray
-    counted: dict[int, int]
-    closed: bool
-    message: str
-
-
 class _Sweep:
     """One sweep: find, close the books, repair where they do not close."""
 
     def __init__(self, system: DelayLTI, direction: FloatArray, start: FloatArray, up_to: float) -> None:
         self.system, self.direction, self.start, self.up_to = system, direction, start, up_to
         self.line = delay_line(system, direction, start, up_to)
-        self.axis_roots = _roots_always_on_axis(self.line)
+        self.axis_roots = roots_always_on_axis(self.line)
         self._counts: dict[float, int | None] = {}
 
     def run(self) -> DelaySweep:
         """Try the ways of finding in turn until counts and tendencies agree."""
         first, *others = self._ways()
-        found = first()
+        found = self._with_real_roots(first())
         books = self._close(found)
         for way in others:
             if books.closed:
                 break
-            candidate = way()
+            candidate = self._with_real_roots(way())
             trial = self._close(candidate)
             if trial.closed:
                 found, books = candidate, trial
@@ -155,10 +133,10 @@ class _Sweep:
     def _ways(self) -> list[Any]:
         line = self.line
         if not line.varies or line.matrices.n_states == 0:
-            return [lambda: _nothing("no delay in a loop varies", True)]
+            return [lambda: nothing_found("no delay in a loop varies", True)]
         self._bands = small_gain_bands(line.matrices)
         if self._bands.centre.size == 0:
-            return [lambda: _nothing("small gain at every frequency: no crossing for any delays", True)]
+            return [lambda: nothing_found("small gain at every frequency: no crossing for any delays", True)]
         ways = []
         if line.multiples is not None:
             size = 2 * line.matrices.n_states * int(line.multiples.sum())
@@ -168,14 +146,14 @@ class _Sweep:
         ways.append(self._by_delay)
         return ways
 
-    def _by_pencil(self) -> _Found:
+    def _by_pencil(self) -> Crossings:
         """All delays are multiples of one: exact."""
         line = self.line
         assert line.multiples is not None
         zeros = chain_zeros(unit_chain(line.matrices, line.multiples), line.matrices, line.by_angle())
         return self._unrolled(zeros, True, True, "exact: matrix pencil")
 
-    def _by_angle(self) -> _Found:
+    def _by_angle(self) -> Crossings:
         """The varying delays are multiples of one, others are fixed: search one turn of the angle."""
         line = self.line
         latest = (self.up_to + (line.offset or 0.0)) * (line.step or 0.0)
@@ -190,7 +168,7 @@ class _Sweep:
             none_ever = beyond.complete and beyond.zeros.omega.size == 0
         return self._unrolled(search.zeros, search.complete, none_ever, "branch and bound over one turn")
 
-    def _by_delay(self) -> _Found:
+    def _by_delay(self) -> Crossings:
         """Search frequency and tau directly."""
         search = search_zeros(
             self.line.matrices, self.line.by_delay(), self._bands, (0.0, self.up_to), lowest=self._lowest()
@@ -198,15 +176,37 @@ class _Sweep:
         zeros = search.zeros
         tau = np.clip(zeros.y, 0.0, self.up_to)
         found = self._genuine(Zeros(zeros.omega, tau, zeros.degree))
-        return _Found(
+        return Crossings(
             found.y, found.omega, found.degree, 2 * found.degree, search.complete, False, "branch and bound"
         )
+
+    def _with_real_roots(self, found: Crossings) -> Crossings:
+        """Add real roots that pass through a root which stays at s = 0: there the derivative vanishes too.
+
+        The derivative of the characteristic function at s = 0 is linear in tau. Which way the root goes is
+        counted.
+        """
+        if 0.0 not in self.axis_roots or not self.line.varies:
+            return found
+        loop, ends = self.line.matrices, np.array([0.0, self.up_to])
+        W, W_omega, _ = bordered(loop, self.line.by_delay(), np.zeros(2), ends)
+        left, _, right = np.linalg.svd(W[0])
+        slope = (left[:, -1].conj() @ W_omega @ right[-1].conj() / 1j).real
+        if slope[0] * slope[1] >= 0.0:
+            return found
+        tau = self.up_to * slope[0] / (slope[0] - slope[1])
+        near = 1e-3 * min(tau, self.up_to - tau)
+        before, after = self._count(tau - near), self._count(tau + near)
+        if before is None or after is None:
+            return found
+        change = np.array([after - before])
+        return found.joined(np.array([tau]), np.zeros(1), np.sign(change), change)
 
     def _lowest(self) -> float:
         """With a root at s = 0 for every tau the search cannot come arbitrarily near zero frequency."""
         return 1e-6 * float((self._bands.centre + self._bands.half).max()) if self.axis_roots else 0.0
 
-    def _unrolled(self, zeros: Zeros, complete: bool, exact: bool, method: str) -> _Found:
+    def _unrolled(self, zeros: Zeros, complete: bool, exact: bool, method: str) -> Crossings:
         """Turn angles into every delay up to the end."""
         zeros = self._genuine(zeros, angle=True)
         tau, omega, degree = [np.zeros(0)], [np.zeros(0)], [np.zeros(0, dtype=int)]
@@ -216,7 +216,7 @@ class _Sweep:
             omega.append(np.full(delays.size, w))
             degree.append(np.full(delays.size, sign, dtype=int))
         degrees = np.concatenate(degree)
-        return _Found(
+        return Crossings(
             np.concatenate(tau), np.concatenate(omega), degrees, 2 * degrees,
             complete, exact and zeros.omega.size == 0, method,
         )  # fmt: skip
@@ -240,49 +240,76 @@ class _Sweep:
                 self._counts[tau] = count_roots_right_of(system, line)
         return self._counts[tau]
 
-    def _close(self, found: _Found) -> _Books:
-        """Sum up the tendencies and compare with independent counts."""
-        inside = (found.tau > 1e-9 * self.up_to) & (found.tau < self.up_to * (1.0 - 1e-9))
-        edges = np.concatenate([[0.0], _merged(found.tau[inside], 1e-10 * self.up_to), [self.up_to]])
+    def _count_at_start(self) -> int | None:
+        """Count the unstable eigenvalues at tau = 0 if nothing is delayed there and none is on the axis."""
+        loop = self.line.matrices
+        if np.any(self.line.start != 0.0) or self.axis_roots:
+            return None
+        values = np.linalg.eigvals(loop.closed(np.ones(loop.n_channels)))
+        clear = 1e-7 * max(1e-300, float(np.abs(values).max(initial=0.0)))
+        return int(np.sum(values.real > 0.0)) if np.all(np.abs(values.real) > clear) else None
+
+    def _close(self, found: Crossings) -> Books:
+        """Sum up the tendencies and compare with independent counts at both ends and between."""
+        end = self.up_to
+        inside = (found.tau > 1e-9 * end) & (found.tau < end * (1.0 - 1e-9))
+        edges = np.concatenate([[0.0], merged(found.tau[inside], 1e-10 * end), [end]])
         steps = np.zeros(edges.size - 1, dtype=int)
         np.add.at(
             steps, np.argmin(np.abs(found.tau[inside][:, None] - edges[:-1]), axis=1), found.roots[inside]
         )
         total = np.cumsum(steps)
+        counted = {
+            tau: count for tau in self._places(found, edges) if (count := self._count(tau)) is not None
+        }
+        start = None if np.any(found.tau <= 1e-9 * end) else self._count_at_start()
+        if start is not None:
+            counted[0.0] = start
+        if not counted:
+            return Books(
+                edges, np.full(total.size, -1), {}, {}, False, "no count of unstable roots is possible"
+            )
+        interval = {tau: int(np.clip(np.searchsorted(edges, tau) - 1, 0, total.size - 1)) for tau in counted}
+        base = {tau: counted[tau] - int(total[interval[tau]]) for tau in counted}
+        reference = base[min(base)]
+        roots = reference + total
+        missing = {tau: value - reference for tau, value in base.items()}
+        if any(missing.values()) or np.any(roots < 0):
+            listed = ", ".join(f"{counted[tau]} at {tau:.6g}" for tau in sorted(counted))
+            message = f"tendencies and counts of unstable roots differ: counted {listed}"
+            return Books(edges, roots, counted, missing, False, message)
+        message = f"tendencies agree with {len(counted)} counts of unstable roots"
+        return Books(edges, roots, counted, missing, True, message)
+
+    def _places(self, found: Crossings, edges: FloatArray) -> list[float]:
+        """Choose where to count: both ends if no root is on the axis there, and inside the intervals."""
         number = edges.size - 1
         chosen = np.arange(number)
         if found.complete and number > _COUNTED_INTERVALS:
             chosen = np.unique(np.linspace(0, number - 1, _COUNTED_INTERVALS).round().astype(int))
-        counted: dict[int, int] = {}
+        places = []
         for k in chosen:
             for share in (0.5, 0.23, 0.81):
-                count = self._count(float(edges[k] + share * (edges[k + 1] - edges[k])))
-                if count is not None:
-                    counted[int(k)] = count
+                tau = float(edges[k] + share * (edges[k + 1] - edges[k]))
+                if self._count(tau) is not None:
+                    places.append(tau)
                     break
-        if not counted:
-            return _Books(
-                edges, np.full(number, -1), counted, False, "no count of unstable roots is possible"
-            )
-        base = {count - int(total[k]) for k, count in counted.items()}
-        first = min(counted)
-        roots = counted[first] - total[first] + total
-        if len(base) > 1 or np.any(roots < 0):
-            listed = ", ".join(f"{c} in ({edges[k]:g}, {edges[k + 1]:g})" for k, c in counted.items())
-            return _Books(edges, roots, counted, False, f"counts and tendencies differ: counted {listed}")
-        return _Books(
-            edges, roots, counted, True, f"tendencies agree with {len(counted)} counts of unstable roots"
-        )
+        at_end = found.tau >= self.up_to * (1.0 - 1e-9)
+        if self.line.varies and not np.any(at_end):
+            places.append(self.up_to)
+        if not found.complete:
+            # Only the counts speak for completeness here: closer ones catch pairs of crossings as well.
+            even = np.linspace(0.0, self.up_to, 4 * _COUNTED_INTERVALS + 1)[1:-1]
+            near = np.any(np.abs(even[:, None] - edges) < 1e-6 * self.up_to, axis=1)
+            places.extend(even[~near].tolist())
+        return places
 
-    def _with_missing(self, found: _Found, books: _Books) -> _Found:
+    def _with_missing(self, found: Crossings, books: Books) -> Crossings:
         """Where counts differ and no crossing accounts for it, narrow the place down and search there."""
-        middles = {k: 0.5 * (books.edges[k] + books.edges[k + 1]) for k in books.counted}
-        order = sorted(middles)
+        order = sorted(books.missing)
         extra: list[Zeros] = []
-        for left, right in pairwise(order):
-            low, high = float(middles[left]), float(middles[right])
-            missing = books.counted[right] - books.counted[left] - (books.roots[right] - books.roots[left])
-            if missing == 0:
+        for low, high in pairwise(order):
+            if books.missing[low] == books.missing[high]:
                 continue
             search = search_zeros(
                 self.line.matrices, self.line.by_delay(), self._bands, (low, high), lowest=self._lowest()
@@ -297,13 +324,10 @@ class _Sweep:
             axis=1,
         )
         zeros = Zeros(*(part[~known] for part in zeros))
-        return _Found(
-            np.append(found.tau, zeros.y), np.append(found.omega, zeros.omega),
-            np.append(found.degree, zeros.degree), np.append(found.roots, 2 * zeros.degree),
-            False, False, found.method,
-        )  # fmt: skip
+        found = replace(found, complete=False, none_ever=False)
+        return found.joined(zeros.y, zeros.omega, zeros.degree, 2 * zeros.degree)
 
-    def _result(self, found: _Found, books: _Books) -> DelaySweep:
+    def _result(self, found: Crossings, books: Books) -> DelaySweep:
         edges, roots = books.edges, books.roots if books.closed else np.full(books.roots.size, -1)
         intervals = pd.DataFrame(
             {"tau_from": edges[:-1], "tau_to": edges[1:], "unstable_roots": roots.astype(int)}
@@ -312,7 +336,7 @@ class _Sweep:
             direction=self.direction,
             start=self.start,
             up_to=self.up_to,
-            crossings=_crossing_table(found, edges, intervals["unstable_roots"].to_numpy()),
+            crossings=crossing_table(found, edges, intervals["unstable_roots"].to_numpy()),
             intervals=intervals,
             delay_margin=self._margin(found, books),
             decided=books.closed,
@@ -323,7 +347,7 @@ class _Sweep:
             line=self.line,
         )
 
-    def _margin(self, found: _Found, books: _Books) -> float:
+    def _margin(self, found: Crossings, books: Books) -> float:
         if self.axis_roots:
             return 0.0
         if not books.closed:
@@ -334,54 +358,3 @@ class _Sweep:
         if found.tau.size:
             return float(found.tau.min())
         return float("inf") if found.none_ever else float("nan")
-
-
-def _nothing(method: str, none_ever: bool) -> _Found:
-    empty, whole = np.zeros(0), np.zeros(0, dtype=int)
-    return _Found(empty, empty, whole, whole, True, none_ever, method)
-
-
-def _merged(values: FloatArray, tolerance: float) -> FloatArray:
-    """Sort and keep one of each group of equal values."""
-    ordered = np.sort(values)
-    return ordered[np.append(True, np.diff(ordered) > tolerance)] if ordered.size else ordered
-
-
-def _roots_always_on_axis(line: DelayLine) -> tuple[float, ...]:
-    """Return the frequencies >= 0 of roots on the axis that no delay moves."""
-    loop = line.matrices
-    if loop.n_states == 0:
-        return ()
-    found = []
-    norm = float(np.linalg.norm(loop.A, 2))
-    closed = loop.closed(np.ones(loop.n_channels))
-    values = np.linalg.svd(closed, compute_uv=False)
-    if values[-1] <= 1e-13 * max(values[0], 1e-300):
-        found.append(0.0)
-    poles = np.linalg.eigvals(loop.A)
-    suspects = np.unique(poles.imag[(np.abs(poles.real) <= 1e-9 * norm) & (poles.imag > 1e-9 * norm)])
-    for omega in suspects:
-        places = line.up_to * np.array([0.217, 0.513, 0.871])
-        W = bordered(loop, line.by_delay(), np.full(3, omega), places)[0]
-        sizes = np.linalg.svd(W, compute_uv=False)
-        if np.all(sizes[:, -1] <= 1e-9 * sizes[:, 0]):
-            found.append(float(omega))
-    return tuple(found)
-
-
-def _crossing_table(found: _Found, edges: FloatArray, roots: np.ndarray) -> pd.DataFrame:
-    """One row per crossing root pair, in the order of tau, with the counts around its group."""
-    order = np.lexsort((found.omega, found.tau))
-    repeats = np.maximum(np.abs(found.degree[order]), 1)
-    tau = np.repeat(found.tau[order], repeats)
-    position = np.argmin(np.abs(tau[:, None] - edges), axis=1) if tau.size else np.zeros(0, dtype=int)
-    before, after = np.maximum(position - 1, 0), np.minimum(position, roots.size - 1)
-    return pd.DataFrame(
-        {
-            "tau": tau,
-            "omega": np.repeat(found.omega[order], repeats),
-            "tendency": np.repeat(np.sign(found.degree[order]), repeats).astype(int),
-            "unstable_before": roots[before],
-            "unstable_after": roots[after],
-        }
-    )

@@ -11,8 +11,8 @@ import pandas as pd
 import scipy.optimize
 
 from susp_ctrl.delay_systems.delay_line import DelayLine
-from susp_ctrl.delay_systems.exclusion import small_gain_bands
 from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.small_gain import small_gain_bands
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -127,7 +127,7 @@ def _figure_data(line: DelayLine, crossings: FloatArray) -> pd.DataFrame:
             s[:, None, None] * np.eye(loop.n_states) - loop.A,
             np.broadcast_to(loop.B, (s.size, *loop.B.shape)),
         )
-    P = loop.C @ resolvent + loop.D
+    P = (loop.C @ resolvent + loop.D).astype(complex)
     if line.multiples is not None and line.multiples.max() == 1.0:
         z = _tracked(_moduli_of_common_delay(P, line, omega))
         columns = {f"z{k + 1}": np.abs(z[:, k]) for k in range(z.shape[1])}
@@ -152,7 +152,7 @@ def _moduli_of_common_delay(P: ComplexArray, line: DelayLine, omega: FloatArray)
         inner = np.linalg.solve(np.eye(fixed.shape[-1]) - fixed, PE[:, ~moving][:, :, moving])
         M = M + PE[:, moving][:, :, ~moving] @ inner
     with np.errstate(all="ignore"):
-        return 1.0 / np.linalg.eigvals(np.where(np.isfinite(M), M, 1e300))
+        return 1.0 / np.linalg.eigvals(np.where(np.isfinite(M), M, 1e300)).astype(complex)
 
 
 def _tracked(z: ComplexArray) -> ComplexArray:
