@@ -8,6 +8,7 @@ matplotlib settings. Where the arrays come from is not known here.
 from __future__ import annotations
 
 from susp_ctrl.plotting.comparison import draw_changes, draw_order_error
+from susp_ctrl.plotting.files import save_figure
 from susp_ctrl.plotting.frequency import draw_bode, draw_magnitude, frequency_axis
 from susp_ctrl.plotting.histories import draw_history, draw_road
 from susp_ctrl.plotting.roots import draw_root_locus, draw_roots
@@ -18,7 +19,6 @@ from susp_ctrl.plotting.style import (
     curve_style,
     new_figure,
     powers_of_ten,
-    save_figure,
     shared_legend,
     sparse_markers,
     styled,

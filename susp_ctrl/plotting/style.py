@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
-from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
@@ -22,7 +21,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import LogFormatter
 from numpy.typing import NDArray
 
 _P = ParamSpec("_P")
@@ -76,7 +75,7 @@ SETTINGS: Any = {  # newer matplotlib types its keys one by one, older ones as s
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
     "path.simplify": True,
-    "path.simplify_threshold": 0.3,
+    "path.simplify_threshold": 0.5,
     "pdf.compression": 9,
     "pdf.fonttype": 3,
     "svg.fonttype": "path",
@@ -208,74 +207,29 @@ def new_figure(
     return figure, axes
 
 
-@styled
-def save_figure(figure: Figure, path: str | Path, *, dpi: float = 110.0, colours: int = 64) -> None:
-    """Write a figure with the look's settings; the same figure gives the same bytes (no time stamp).
+class PlainLogFormatter(LogFormatter):
+    """Labels of a logarithmic axis: 0.01, 0.1, 1, 10, 100, beyond that 10⁻³, 10⁴ as text (mathtext is slow).
 
-    Parameters
-    ----------
-    figure
-        The figure.
-    path
-        File name; the ending ``.png``, ``.pdf`` or ``.svg`` is the format.
-    dpi
-        Dots per inch of a PNG.
-    colours
-        Size of the palette of a PNG: line drawings need few colours, and a palette makes a third of the size.
-
-    Raises
-    ------
-    ValueError
-        Another ending.
+    An axis of less than a decade is also labelled between the powers of ten.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.backends.backend_pdf import FigureCanvasPdf
 
-    ending = Path(path).suffix.lower()
-    shown_on, shown_at = figure.canvas, figure.dpi
-    # The canvases are drawn directly: `savefig` would draw a figure with a layout engine twice.
-    try:
-        if ending == ".png":
-            figure.dpi = dpi
-            agg = FigureCanvasAgg(figure)
-            agg.draw()
-            _save_palette(np.asarray(agg.buffer_rgba())[:, :, :3], path, dpi, colours)
-        elif ending == ".pdf":
-            stamps = {"CreationDate": None, "Producer": None, "Creator": None}
-            FigureCanvasPdf(figure).print_pdf(path, metadata=stamps)
-        elif ending == ".svg":
-            figure.savefig(path, metadata={"Date": None, "Creator": None})
-        else:
-            raise ValueError(f"path = {str(path)!r} is not allowed: it must end in .png, .pdf or .svg")
-    finally:
-        figure.set_canvas(shown_on)
-        figure.dpi = shown_at
-
-
-def _save_palette(pixels: NDArray[np.uint8], path: str | Path, dpi: float, colours: int) -> None:
-    from PIL import Image
-
-    picture = Image.fromarray(np.ascontiguousarray(pixels))
-    reduced = picture.quantize(colours, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-    reduced.save(path, optimize=True, dpi=(dpi, dpi))
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """Return the label, empty where the parent class would leave it out."""
+        if not super().__call__(x, pos) or x <= 0.0:
+            return ""
+        exponent = float(np.log10(x))
+        if abs(exponent) < 2.5:
+            return f"{x:.3g}"
+        power = int(np.floor(exponent + 1e-9))
+        factor = x / 10.0**power
+        leading = "" if abs(factor - 1.0) < 1e-6 else f"{factor:.2g}×"
+        return f"{leading}10{str(power).translate(_SUPERSCRIPTS)}"
 
 
 def powers_of_ten(axis: Axis) -> None:
-    """Label a logarithmic axis 0.01, 0.1, 1, 10, 100 and beyond that 10⁻³, 10⁴ as text, which mathtext draws slowly."""
-    axis.set_major_formatter(FuncFormatter(_power_text))
-    axis.set_minor_formatter(NullFormatter())
-
-
-def _power_text(value: float, _position: int | None = None) -> str:
-    exponent = np.log10(value) if value > 0.0 else np.nan
-    if not np.isfinite(exponent):
-        return ""
-    if abs(exponent) <= 2.0 + 1e-9:
-        return f"{value:g}"
-    rounded = round(float(exponent))
-    if abs(exponent - rounded) > 1e-6:
-        return f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
-    return "10" + str(rounded).translate(_SUPERSCRIPTS)
+    """Label a logarithmic axis by `PlainLogFormatter`."""
+    axis.set_major_formatter(PlainLogFormatter(labelOnlyBase=False))
+    axis.set_minor_formatter(PlainLogFormatter(labelOnlyBase=False))
 
 
 @styled

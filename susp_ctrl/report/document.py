@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from susp_ctrl.study.result import StudyRun
 
 DATA_FILE = "report.json"
-_WHOLE_ROWS = 18  # tables up to this length are not broken over pages
+_WHOLE_ROWS = 36  # tables up to this length are not broken over pages
 NO_TYPST = "report.pdf is left out: the package typst is not installed (pip install typst)"
 """What is said where the wheel that sets the PDF is missing."""
 

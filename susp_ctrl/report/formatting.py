@@ -7,6 +7,7 @@ import re
 from typing import Any
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _MINUS, _THIN = "\N{MINUS SIGN}", "\N{THIN SPACE}"
 NOTHING = "–"
 """What stands where there is no value."""
@@ -93,6 +94,22 @@ def grouped(text: str) -> str:
 def unit_text(unit: str) -> str:
     """Return a unit with raised exponents: ``m/s2`` becomes ``m/s²``."""
     return re.sub(r"(?<=[A-Za-z])([2-9])", lambda match: match.group(1).translate(_SUPERSCRIPTS), unit)
+
+
+def symbol_text(name: str) -> str:
+    """Return a numbered symbol or text with such symbols: ``tau2`` becomes ``τ₂``, ``g1`` ``g₁``, ``rho`` ``ρ``."""
+
+    def with_subscript(match: re.Match[str]) -> str:
+        greek = {"tau": "τ"}.get(match.group(1), match.group(1))
+        return greek + match.group(2).translate(_SUBSCRIPTS)
+
+    return re.sub(r"\b(tau|[gz])(\d+)\b", with_subscript, name).replace("rho", "ρ")
+
+
+def sentence(text: str) -> str:
+    """Return running text as a sentence: signal names in words, a capital at the start, a full stop at the end."""
+    words = re.sub(r"\b[a-z]+(_[a-z]+)+\b", lambda match: signal_text(match.group()), text.strip())
+    return capital(words) + ("" if not words or words.endswith((".", "!", "?")) else ".")
 
 
 def capital(text: str) -> str:

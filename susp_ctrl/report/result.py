@@ -96,7 +96,7 @@ class StudyResult:
         return self.data.headlines
 
     def save(
-        self, folder: str | Path, *, progress: Progress | None = None, history_digits: int = 6
+        self, folder: str | Path, *, progress: Progress | None = None, history_digits: int = 5
     ) -> list[Path]:
         """Write the report: ``report.pdf``, ``tables/*.csv``, ``figures/*.png`` and ``*.pdf``, ``manifest.json``.
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+import pandas as pd
+
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
-from susp_ctrl.report.formatting import signal_text, unit_text
+from susp_ctrl.report.formatting import signal_text, unit_text, with_unit
 from susp_ctrl.report.looks import labels, looks
 
 if TYPE_CHECKING:
@@ -49,18 +51,25 @@ def frequency_section(run: StudyRun) -> Section | None:
             key="frequency_peaks",
             caption="Highest point of |H| per road velocity.",
             frame=data.peaks,
+            shown=_by_curve(data),
             columns=(
                 Column("design", "design", words=labels(run)),
-                Column("output", "output", "signal"),
-                Column("road", "road"),
                 Column("omega_rad_per_s", "ω (rad/s)", "number", 4),
                 Column("frequency_Hz", "f (Hz)", "number", 4),
                 Column("gain", "|H|", "number", 4),
-                Column("unit", "unit", "unit"),
             ),
+            group="curve",
         ),
     ]
     return Section("Frequency response", tuple(blocks))
+
+
+def _by_curve(data: FrequencySection) -> pd.DataFrame:
+    curve = [
+        with_unit(f"{signal_text(output)}, {road}", unit)
+        for output, road, unit in data.peaks[["output", "road", "unit"]].itertuples(index=False)
+    ]
+    return data.peaks.assign(curve=curve).sort_values("curve", kind="stable")
 
 
 def _bode(run: StudyRun, data: FrequencySection, output: str) -> MatplotlibFigure:

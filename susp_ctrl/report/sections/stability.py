@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
-from susp_ctrl.report.formatting import capital, exact_text, number_text
+from susp_ctrl.report.formatting import capital, exact_text, number_text, symbol_text
 from susp_ctrl.report.looks import labels
 
 if TYPE_CHECKING:
@@ -105,8 +105,8 @@ def _lines(run: StudyRun, data: StabilitySection) -> list[Block]:
         blocks.append(
             Figure(
                 key=f"sweep_{kind}",
-                caption=f"Frequency sweep: {same[0].label}. A root pair can reach the imaginary axis only where a "
-                "curve meets the line at 1.",
+                caption=f"Frequency sweep: {_line_title(data, kind)}. A root pair can reach the "
+                "imaginary axis only where a curve meets the line at 1.",
                 draw=partial(_draw_sweeps, run, same),
             )
         )
@@ -136,7 +136,7 @@ def _interval_rows(run: StudyRun, data: StabilitySection) -> pd.DataFrame:
         for interval in line.intervals.to_dict(orient="records"):
             rows.append(
                 {
-                    "line": f"{capital(line.label)}: τ is the {line.parameter}",
+                    "line": f"{capital(_line_title(data, line.line))}: τ is the {line.parameter}",
                     "label": names[line.design] if first else "",
                     "from": interval["tau_from"],
                     "to": interval["tau_to"],
@@ -148,6 +148,18 @@ def _interval_rows(run: StudyRun, data: StabilitySection) -> pd.DataFrame:
             )
             first = False
     return pd.DataFrame(rows)
+
+
+def _line_title(data: StabilitySection, kind: str) -> str:
+    titles = list(dict.fromkeys(line.label for line in data.lines if line.line == kind))
+    if len(titles) == 1:
+        return symbol_text(titles[0])
+    # One delay varies and the others differ from design to design: name what is common.
+    return f"{symbol_text(kind)} alone, the other delay as in the design"
+
+
+def _curve_name(name: str) -> str:
+    return "ρ" if name == "rho" else f"|{symbol_text(name)}|" if name.startswith("z") else name
 
 
 def _margin(line: DelayLine) -> str:
@@ -166,13 +178,14 @@ def _draw_sweeps(run: StudyRun, lines: list[DelayLine]) -> MatplotlibFigure:
     figure, axes = new_figure(rows, columns, height=0.5 + 2.05 * rows, sharex=True)
     names = labels(run)
     for number, (ax, line) in enumerate(zip(axes.flat, lines, strict=False)):
+        curves = [_curve_name(name) for name in line.figure_names]
         draw_unit_modulus(
             line.figure_omega,
-            dict(zip(line.figure_names, line.figure_values, strict=True)),
+            dict(zip(curves, line.figure_values, strict=True)),
             ax,
             crossings=line.crossings["omega"].to_numpy(),
             ylabel="" if number % columns else _modulus_name(line),
-            styles=dict(zip(line.figure_names, (2, 1, 3, 4), strict=False)),
+            styles=dict(zip(curves, (2, 1, 3, 4), strict=False)),
             legend=False,
             title=names[line.design],
         )
@@ -185,7 +198,7 @@ def _draw_sweeps(run: StudyRun, lines: list[DelayLine]) -> MatplotlibFigure:
 
 
 def _modulus_name(line: DelayLine) -> str:
-    return "|z|" if all("z" in name for name in line.figure_names) else "modulus"
+    return "|z|" if all("z" in name for name in line.figure_names) else "spectral radius ρ"
 
 
 def _draw_intervals(run: StudyRun, data: StabilitySection) -> MatplotlibFigure:
@@ -214,7 +227,7 @@ def _draw_intervals(run: StudyRun, data: StabilitySection) -> MatplotlibFigure:
             mark_label="the design",
             xlabel=f"τ: {same[0].parameter}",
             legend=False,
-            title=same[0].label,
+            title=_line_title(data, kind),
         )
     shared_legend(figure, axes)
     return figure

@@ -134,11 +134,12 @@ def _pairs(designs: list[str], changes: list[str]) -> list[str]:
 
 
 def history_tables(case: TimeCase) -> list[Table]:
-    """Return the histories of a case as tables, one per method: time, road, and ``design.output`` columns."""
-    result = []
+    """Return the histories of a case as tables, one per method: time, road (first only), and ``design.output`` columns."""
+    result: list[Table] = []
     for method in dict.fromkeys(method for _, method in case.histories):
         columns: dict[str, Any] = {"time_s": case.timepts}
-        columns |= {f"{name}_m": profile for name, profile in case.road_profiles.items()}
+        if not result:  # the road is the same for all methods
+            columns |= {f"{name}_m": profile for name, profile in case.road_profiles.items()}
         for (design, by), values in case.histories.items():
             if by == method:
                 columns |= {

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from susp_ctrl.report.blocks import Block, Column, Figure, Heading, Section, Table, Text
-from susp_ctrl.report.formatting import capital, number_text, with_unit
+from susp_ctrl.report.formatting import capital, number_text, sentence, symbol_text, with_unit
 from susp_ctrl.report.looks import labels, looks
 
 if TYPE_CHECKING:
@@ -44,13 +44,15 @@ def _search(run: StudyRun, search: TuningRun) -> list[Block]:
     blocks: list[Block] = [
         Heading(capital(search.label)),
         Text(
-            f"{search.objective_text.rstrip('.')}. Settings: {settings}. The swarm reached "
-            f"J = {number_text(search.swarm_value)}, the local polish {number_text(search.value)}. {search.message}"
+            f"{sentence(search.objective_text)} Settings: {settings}. The swarm reached "
+            f"J = {number_text(search.swarm_value)}, the local polish {number_text(search.value)}. "
+            f"{sentence(search.message)}"
         ),
         Table(
             key=f"tuning_{search.key}",
             caption=f"{capital(search.label)}: search bounds and the design found.",
             frame=search.bounds,
+            shown=search.bounds.assign(parameter=search.bounds["parameter"].map(symbol_text)),
             columns=(
                 Column("parameter", "parameter"),
                 Column("lower", "lower bound", "exact"),
@@ -86,10 +88,14 @@ def _search(run: StudyRun, search: TuningRun) -> list[Block]:
 
 def _closed_form(search: TuningRun) -> Table:
     assert search.closed_form is not None
+    # The difference is of interest for the optimum that was found, not for its mirror image.
+    shown = search.closed_form.copy()
+    shown.loc[~shown["is_found"].astype(bool), ["gain_difference", "delay_difference_s"]] = float("nan")
     return Table(
         key=f"closed_form_{search.key}",
         caption=f"{capital(search.label)}: the exact optima J = 0 inside the bounds, and the one that was found.",
         frame=search.closed_form,
+        shown=shown,
         columns=(
             Column("measured", "measured", "signal"),
             Column("gain", "gain", "number", 8),
@@ -131,7 +137,7 @@ def _detuning(run: StudyRun, search: TuningRun) -> list[Block]:
 
 
 def _draw_detuning(run: StudyRun, search: TuningRun) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_detuning, new_figure
+    from susp_ctrl.plotting import draw_detuning, new_figure, shared_legend
 
     assert search.detuning is not None
     figure, axes = new_figure(height=2.5)
@@ -142,7 +148,9 @@ def _draw_detuning(run: StudyRun, search: TuningRun) -> MatplotlibFigure:
         axes[0, 0],
         ylabel=with_unit("J", search.unit),
         styles=looks(run.designs),
+        legend=False,
     )
+    shared_legend(figure, axes)
     return figure
 
 
