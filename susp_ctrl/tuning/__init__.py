@@ -5,6 +5,6 @@ from __future__ import annotations
 from susp_ctrl.tuning.objectives import BandMean, BandPeak, Harmonic, RoadRms
 from susp_ctrl.tuning.problem import Limit, TuningProblem
 from susp_ctrl.tuning.swarm import pso
-from susp_ctrl.tuning.tune import tune
+from susp_ctrl.tuning.tuner import tune
 
 __all__ = ["BandMean", "BandPeak", "Harmonic", "Limit", "RoadRms", "TuningProblem", "pso", "tune"]

@@ -5,13 +5,6 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
-
-from susp_ctrl.errors import InputError
-from susp_ctrl.road import HarmonicRoad, RandomRoad
-from susp_ctrl.tuning import BandMean, BandPeak, Harmonic, RoadRms, TuningProblem
-from susp_ctrl.tuning.quadrature import resonance_rule
-from susp_ctrl.tuning.sampling import channel_exponentials
-from susp_ctrl.vehicle import HalfCar, QuarterCar
 from tuning.tuning_case import (
     BAND,
     LAGS,
@@ -24,6 +17,13 @@ from tuning.tuning_case import (
     road,
     road_sigmas,
 )
+
+from susp_ctrl.errors import InputError
+from susp_ctrl.road import HarmonicRoad, RandomRoad
+from susp_ctrl.tuning import BandMean, BandPeak, Harmonic, RoadRms, TuningProblem
+from susp_ctrl.tuning.quadrature import resonance_rule
+from susp_ctrl.tuning.sampling import channel_exponentials
+from susp_ctrl.vehicle import HalfCar, QuarterCar
 
 DESIGNS = np.vstack([random_designs(20, seed=1), [[0.0, 0.0, 0.1, 0.1]]])
 
@@ -89,7 +89,9 @@ def test_road_rms_of_the_passive_car():
     for name, sigma in (("body_acceleration", 0.9291), ("pitch_acceleration", 0.7078)):
         for iso_class, factor in (("C", 1.0), ("D", 2.0)):
             rough = RandomRoad(iso_class=iso_class, speed=20.0)
-            p = TuningProblem(HalfCar().plant(), PAIRS, RoadRms(rough, {name: 1.0}, LAGS), gain_bounds=(-1, 1))
+            p = TuningProblem(
+                HalfCar().plant(), PAIRS, RoadRms(rough, {name: 1.0}, LAGS), gain_bounds=(-1, 1)
+            )
             assert p.passive_value == pytest.approx(factor * sigma, abs=1.1e-4 * factor)
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from oracles import ride_response
 
 from susp_ctrl.road import RandomRoad
 from susp_ctrl.tuning import BandMean, BandPeak, Harmonic, RoadRms, TuningProblem
 from susp_ctrl.vehicle import HalfCar
-from oracles import ride_response
 
 SPEED = 20.0
 LAG = (1.25 + 1.51) / SPEED

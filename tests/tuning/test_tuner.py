@@ -92,7 +92,7 @@ def test_result_describes_the_design():
 
 def unstable_roots(gains, delays, corner=2000.0):
     """Winding number of the oracle's det Z(s), see test_feasibility."""
-    f = characteristic_function(1j * np.linspace(0.0, corner, 200001), tuple(gains), tuple(delays))
+    f = characteristic_function(1j * np.linspace(0.0, corner, 100001), tuple(gains), tuple(delays))
     along = np.unwrap(np.angle(f))
     return round((8 * np.pi - 2 * (along[-1] - along[0])) / (2 * np.pi))
 
@@ -135,7 +135,7 @@ def test_no_feasible_point_says_so():
 
 def test_a_design_the_verdict_refuses_is_passed_over(monkeypatch):
     """If the full verdict does not confirm the best design, the next best confirmed one is returned."""
-    import susp_ctrl.tuning.tune as module
+    import susp_ctrl.tuning.tuner as module
 
     real, refused = module.stability, []
 
@@ -165,15 +165,14 @@ def test_a_design_the_verdict_refuses_is_passed_over(monkeypatch):
 def test_limit_is_kept_and_active():
     """The RMS stroke of the front axle, limited to less than the free optimum needs."""
     stroke = RoadRms(road(), {"suspension_deflection_front": 1.0}, LAGS)
-    free = tune(problem("road_rms"), particles=30, iterations=60, seed=0)
+    free = tune(problem("road_rms"), seed=0)
     measure = TuningProblem(HalfCar().plant(), PAIRS, stroke, PAPER_BOX)
-    needed = measure.values(free.x[None])[0]
-    bound = 0.5 * (needed + measure.passive_value) if needed > measure.passive_value else 0.97 * needed
-    best = tune(problem("road_rms", limits=[Limit(stroke, bound)]), particles=30, iterations=60, seed=0)
+    bound = 0.97 * measure.values(free.x[None])[0]
+    best = tune(problem("road_rms", limits=[Limit(stroke, bound)]), seed=0)
     assert best.success
     used = measure.values(best.x[None])[0]
     assert used <= bound
-    assert used > 0.99 * bound
+    assert used > 0.999 * bound
     assert best.fun > free.fun
 
 
@@ -185,11 +184,11 @@ def test_limit_that_nothing_keeps():
 
 
 def test_decay_rate_is_kept():
-    fast = tune(problem("road_rms", decay_rate=1.7), particles=30, iterations=40, seed=0)
-    free = tune(problem("road_rms"), particles=30, iterations=40, seed=0)
-    assert free.stability.abscissa > -1.7
+    free = tune(problem("road_rms"), seed=0)
+    rate = -1.05 * free.stability.abscissa
+    fast = tune(problem("road_rms", decay_rate=rate), seed=0)
     assert fast.success
-    assert fast.stability.abscissa < -1.7
+    assert fast.stability.abscissa < -rate
     assert fast.fun > free.fun
 
 
@@ -200,10 +199,13 @@ def test_worst_of_several_vehicles():
     rng = np.random.default_rng(0)
     points = both.lower + rng.random((10, 4)) * (both.upper - both.lower)
     np.testing.assert_array_equal(both.values(points), np.maximum(*(p.values(points) for p in single)))
-    best = tune(both, particles=20, iterations=25, seed=0)
+    best = tune(both, seed=0)
     assert best.success
     assert len(best.stabilities) == 2
-    assert best.fun >= max(tune(p, particles=20, iterations=60, seed=0).fun for p in single) * (1 - 1e-3)
+    bests = [tune(p, seed=0) for p in single]
+    # No worse than what either car's own design does to both, no better than each car alone.
+    assert best.fun <= both.values(np.array([b.x for b in bests])).min() * (1 + 1e-9)
+    assert best.fun >= max(b.fun for b in bests) * (1 - 1e-9)
 
 
 def test_one_channel_with_fixed_delay():
@@ -218,7 +220,12 @@ def test_one_channel_with_fixed_delay():
 
 
 def test_acceleration_feedback_needs_a_bandwidth():
-    arguments = (HalfCar().plant(), [("body_acceleration", "force_front")], objective("road_rms"), (-600, 600))
+    arguments = (
+        HalfCar().plant(),
+        [("body_acceleration", "force_front")],
+        objective("road_rms"),
+        (-600, 600),
+    )
     with pytest.raises(NeutralLoopError, match="actuator_bandwidth"):
         TuningProblem(*arguments)
     best = tune(TuningProblem(*arguments, actuator_bandwidth=60.0), particles=20, iterations=15)
@@ -230,8 +237,11 @@ def test_acceleration_feedback_needs_a_bandwidth():
 @pytest.mark.parametrize(
     ("change", "part"),
     [
-        ({"pairs": [("unsprung_displacment_front", "force_front")]}, "did you mean 'unsprung_displacement_front'"),
-        ({"pairs": [("unsprung_displacement_front", "force_frnt")]}, "did you mean 'force_front'"),
+        (
+            {"pairs": [("unsprung_displacment_front", "force_front"), PAIRS[1]]},
+            "did you mean 'unsprung_displacement_front'",
+        ),
+        ({"pairs": [("unsprung_displacement_front", "force_frnt"), PAIRS[1]]}, "did you mean 'force_front'"),
         ({"pairs": []}, "pairs is empty"),
         ({"pairs": ["force_front"]}, "pairs"),
         ({"gain_bounds": [(5.0, 1.0), (0.0, 1.0)]}, r"gain_bounds\[0\] = \(5, 1\).*lower is above upper"),
@@ -247,7 +257,7 @@ def test_acceleration_feedback_needs_a_bandwidth():
         ({"actuator_bandwidth": [10.0]}, "actuator_bandwidth has 1"),
         ({"actuator_bandwidth": -5.0}, "actuator_bandwidth = -5"),
         ({"plant": []}, "plant"),
-        ({"plant": 3.0}, "plant"),
+        ({"plant": "car"}, "plant"),
     ],
 )
 def test_bad_input_is_named(change, part):
@@ -272,7 +282,9 @@ def test_tune_wants_a_problem():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "tolerance"), [("road_rms", 1e-4), ("band_mean", 1e-4), ("band_peak", 1e-3)])
+@pytest.mark.parametrize(
+    ("name", "tolerance"), [("road_rms", 1e-4), ("band_mean", 1e-4), ("band_peak", 1e-3)]
+)
 def test_best_known_value_in_48_of_50_seeds(name, tolerance, monkeypatch):
     p = problem(name)
     values = np.array([tune(p, seed=seed).fun for seed in range(50)])
@@ -310,7 +322,10 @@ def test_times_of_the_papers_setting():
 def test_verdict_of_the_published_design_is_the_papers():
     """PAPER.md section 4: both published designs are stable; the search agrees with the verdict."""
     p = problem("road_rms")
-    for x, abscissa in (([19345, 26150, 0.5530, 0.5186], -1.17254), ([29653, -4416, 0.3255, 0.5438], -2.24877)):
+    for x, abscissa in (
+        ([19345, 26150, 0.5530, 0.5186], -1.17254),
+        ([29653, -4416, 0.3255, 0.5438], -2.24877),
+    ):
         (loop,) = p.loops(x)
         assert stability(loop).abscissa == pytest.approx(abscissa, abs=1e-5)
         assert p.violations(np.array([x], dtype=float))[0] == 0
