@@ -98,7 +98,9 @@ class FilteredNoiseRoad(Road):
     def signal(self, lag: float = 0.0) -> RoadSignal:
         """Return the elevation under a wheel that meets the road `lag` seconds later."""
         lag = validation.number("lag", lag, at_least=0.0)
-        return RoadSignal(self._elevation, lag=lag, bandwidth=self.band[1])
+        # the third derivative of the spline jumps at its knots
+        knots = tuple((lag + self.path.x / self.speed).tolist())
+        return RoadSignal(self._elevation, lag=lag, breakpoints=knots, bandwidth=self.band[1])
 
     def _elevation(self, t: FloatArray) -> FloatArray:
         distance = self.speed * t

@@ -134,11 +134,11 @@ class MeasuredRoad(Road):
         """Return the elevation under a wheel that meets the record `lag` seconds later."""
         lag = validation.number("lag", lag, at_least=0.0)
         x = self.samples[0]
-        knots = x[[0, -1]] if self._spline is not None else x
         return RoadSignal(
             self._elevation,
             lag=lag,
-            breakpoints=tuple((lag + knots / self.speed).tolist()),
+            # every sample: a cubic spline too is smooth only between them, its third derivative jumps
+            breakpoints=tuple((lag + x / self.speed).tolist()),
             bandwidth=float(np.pi * self.speed / np.min(np.diff(x))),
         )
 

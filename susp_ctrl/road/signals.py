@@ -27,7 +27,7 @@ class RoadSignal:
     lag : float
         Time (s) after which this wheel meets that road.
     breakpoints : tuple of float
-        Times at which the signal or one of its first two derivatives jumps.
+        Times at which the signal or one of its derivatives jumps.
     bandwidth : float or None
         Highest angular frequency (rad/s) of its content; None where it has no such limit.
     sines : (omegas, amplitudes, phases) or None

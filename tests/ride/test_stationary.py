@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from susp_ctrl.delay_systems import FeedbackChannel, close_loop
+from susp_ctrl.delay_systems.simulation import simulate
 from susp_ctrl.errors import InputError, UnstableSystemError
 from susp_ctrl.ride import iso2631_weighting, ride_indices, stationary_rms
 from susp_ctrl.ride.quadrature import integrate_spectra
@@ -300,3 +301,30 @@ def test_filtered_noise_and_sum_of_sines_agree_above_the_cut_off():
     )
     assert noise["body_acceleration"] == pytest.approx(sines["body_acceleration"], rel=2e-3)
     assert noise["tire_deflection_rear"] == pytest.approx(sines["tire_deflection_rear"], rel=2e-3)
+
+
+@pytest.mark.analytical
+@pytest.mark.slow
+def test_exact_simulation_of_a_delayed_loop_agrees_with_its_spectrum():
+    """200 s of the published random design: every indicator within sampling error (about 1/sqrt(B T), 3 sigma)."""
+    car, road = HalfCar(), RandomRoad(iso_class="C", speed=20.0, seed=1)
+    loop = closed_half_car()
+    response = simulate(loop, np.arange(0, 210, 2e-3), road.inputs(LAGS))
+    simulated = values(ride_indices(response, skip=10.0, vehicle=car))
+    exact = values(stationary_rms(loop, road, LAGS, vehicle=car))
+    assert set(exact) < set(simulated)
+    for name, value in exact.items():
+        assert simulated[name] == pytest.approx(value, rel=0.1), name
+
+
+@pytest.mark.analytical
+def test_exact_simulation_on_a_harmonic_road_reaches_its_steady_state():
+    """Six periods after the slowest root (abscissa -1.17) has died by e^-35 the RMS is the phasor solution."""
+    road = HarmonicRoad(0.05, 7.0)
+    loop = closed_half_car()
+    period = 2 * np.pi / 7
+    t = np.arange(0, 40 * period + 1e-9, period / 200)
+    found = values(ride_indices(simulate(loop, t, road.inputs(LAGS)), skip=34 * period))
+    exact = values(stationary_rms(loop, road, LAGS))
+    for name in (*SIX, "actuator_force_front", "actuator_force_rear"):
+        assert found[name] == pytest.approx(exact[name], rel=1e-7), name

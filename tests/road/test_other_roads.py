@@ -85,7 +85,7 @@ def test_measured_road_follows_its_samples(interpolation, tolerance):
     breakpoints = road.signal(0.3).breakpoints
     assert breakpoints[0] == 0.3
     assert breakpoints[-1] == pytest.approx(6.29)
-    assert len(breakpoints) == (2 if interpolation == "cubic" else 600)
+    assert len(breakpoints) == 600
 
 
 @pytest.mark.analytical

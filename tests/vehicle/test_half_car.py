@@ -2,6 +2,8 @@ import control
 import numpy as np
 import oracles
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from susp_ctrl.errors import InputError
 from susp_ctrl.vehicle import HalfCar, Seat
@@ -227,3 +229,25 @@ def test_seat_is_checked():
         Seat(position=np.inf)
     with pytest.raises(InputError, match=r"HalfCar\.seat"):
         HalfCar(seat=0.4)
+
+
+@pytest.mark.property
+@given(
+    masses=st.tuples(*[st.floats(20, 3000)] * 4),
+    stiffnesses=st.tuples(*[st.floats(5e3, 5e5)] * 4),
+    dampings=st.tuples(*[st.floats(100, 1e4)] * 2),
+    distances=st.tuples(*[st.floats(0.5, 3)] * 2),
+)
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_any_car_equals_the_direct_solution_and_is_stable(masses, stiffnesses, dampings, distances):
+    values = dict(zip(("m", "I", "mtf", "mtr"), masses, strict=True))
+    values |= dict(zip(("ktf", "ktr", "ksf", "ksr"), stiffnesses, strict=True))
+    values |= dict(zip(("csf", "csr", "Lf", "Lr"), (*dampings, *distances), strict=True))
+    plant = car_of(values).plant()
+    s = 1j * np.geomspace(0.5, 300, 30)
+    expected = oracles.ride_response(s, car=values)
+    found = np.moveaxis(plant(s), 2, 0)[:, :8, :2]
+    assert relative_error(found, expected, axis=(0, 2)) < 1e-10
+    assert np.max(plant.poles().real) < 0
+    loads = car_of(values).static_loads()
+    assert sum(loads.values()) == pytest.approx((values["m"] + values["mtf"] + values["mtr"]) * 9.81)
