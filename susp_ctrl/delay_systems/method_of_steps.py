@@ -269,10 +269,13 @@ class _March:
         z_peak = np.maximum(self.z_peak, np.max(np.abs(z[..., full]), axis=(1, 2), initial=0.0))
         x_peak = np.maximum(self.x_peak, np.max(np.abs(x[..., full]), axis=(1, 2), initial=0.0))
         w_peak = np.maximum(z_peak, np.max(np.abs(w[..., full]), axis=(1, 2), initial=0.0))
-        floor_y = abs(plant.C1) @ x_peak + abs(plant.D11) @ u_peak + abs(plant.D12) @ w_peak
-        floor_z = abs(plant.C2) @ x_peak + abs(plant.D21) @ u_peak + abs(plant.D22) @ w_peak
-        worst = self._check(self._tails(y[..., full]), y_peak, noise * floor_y, worst)
-        worst = self._check(self._tails(z[..., full]), z_peak, noise * floor_z, worst)
+        # states are differences of coordinates, whose rounding they carry
+        size = np.abs(xi_end[:r] + 1j * xi_end[r:]), np.max(np.abs(xi[:r] + 1j * xi[r:]), axis=1, initial=0.0)
+        x_size = np.abs(c.back) @ np.maximum(*size)[:, full] + x_peak
+        z_size = abs(plant.C2) @ x_size + abs(plant.D21) @ u_peak + abs(plant.D22) @ w_peak
+        y_size = abs(plant.C1) @ x_size + abs(plant.D11) @ u_peak + abs(plant.D12) @ np.maximum(z_size, w_peak)
+        worst = self._check(self._tails(y[..., full]), y_peak, noise * y_size, worst)
+        worst = self._check(self._tails(z[..., full]), z_peak, noise * z_size, worst)
 
         companion = (rule.truncation @ y[..., cases:].reshape(-1, N, P * cases)).reshape(y[..., full].shape)
         error = np.max(np.abs(y[..., full] - companion), axis=(1, 2), initial=0.0)
@@ -291,9 +294,9 @@ class _March:
 
     def _check(self, tails: FloatArray, peak: FloatArray, floor: FloatArray, worst: float) -> float:
         """Return the largest tail relative to what is allowed, or raise `_Refine` where it exceeds one."""
-        allowed = np.maximum(self.tolerance * peak, floor)
+        above = np.maximum(tails - floor, 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(tails > 0.0, tails / allowed, 0.0)
+            ratio = np.where(above > 0.0, above / (self.tolerance * peak), 0.0)
         largest = float(np.max(ratio, initial=0.0))
         if largest > 1.0 and not self.accepted_noise:
             factor = (1.0 / largest) ** (1.0 / self.N) * 0.9 if np.isfinite(largest) else 0.3
