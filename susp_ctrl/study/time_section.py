@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.integrate import trapezoid
 
-from susp_ctrl.delay_systems import pade_order, simulate
+from susp_ctrl.delay_systems import DelayLTI, pade_order, simulate
+from susp_ctrl.delay_systems.pade import HIGHEST_ORDER
 from susp_ctrl.errors import InputError, UnstableSystemError
 from susp_ctrl.ride import ride_indices, signal_unit, stationary_rms
 from susp_ctrl.road import BumpRoad, HarmonicRoad, RandomRoad
@@ -39,32 +41,20 @@ def time_case(
     TimeCase
     """
     road = build_road(settings.road, bench.speed)
-    fine = record_times(settings)
     every = round(settings.report_step / settings.step)
     designs = bench.chosen(settings.designs) if settings.designs else bench.chosen([PASSIVE])
-    histories: dict[tuple[str, str], FloatArray] = {}
     orders: dict[str, tuple[int, ...]] = {}
-    rms: dict[tuple[str, str], pd.Series] = {}
-    indices, differences = [], []
+    records: dict[tuple[str, str], Record] = {}
+    stationary: dict[str, pd.Series] = {}
     for n, design in enumerate(designs):
-        exact = response(bench, design.key, settings, road)
-        table = ride_indices(exact, settings.skip, vehicle=bench.study.vehicle)
-        indices.append(table.assign(design=design.key)[["indicator", "unit", "design", "value"]])
-        values = record_rows(exact, settings.outputs)
-        histories[design.key, EXACT] = values[:, ::every]
-        rms[design.key, EXACT] = record_rms(exact, settings)
+        records[design.key, EXACT] = record(bench, design.key, settings, road)
         if design.channels:
-            order = settings.pade_order or pade_order(bench.loop(design.key), settings.pade_omega)
+            order = settings.pade_order or band_order(bench.loop(design.key), settings.pade_omega)
             orders[design.key] = (order,) * len(design.channels)
-            approximate = response(bench, design.key, settings, road, order)
-            histories[design.key, PADE] = record_rows(approximate, settings.outputs)[:, ::every]
-            rms[design.key, PADE] = record_rms(approximate, settings)
-            differences += _difference(
-                design.key, values, record_rows(approximate, settings.outputs), settings.outputs
-            )
-        rms[design.key, STATIONARY] = _stationary(bench, design, road)
+            records[design.key, PADE] = record(bench, design.key, settings, road, order)
+        stationary[design.key] = stationary_indices(bench, design.key, road)
         report((n + 1) / len(designs))
-    times = fine[::every]
+    times = record_times(settings)[::every]
     return TimeCase(
         key=settings.key,
         label=settings.label,
@@ -73,14 +63,16 @@ def time_case(
         road_profiles={name: road.profile(times + settings.lead_in, lag) for name, lag in bench.lags.items()},
         outputs=settings.outputs,
         designs=tuple(design.key for design in designs),
-        histories=histories,
+        histories={which: found.outputs[:, ::every] for which, found in records.items()},
         pade_orders=orders,
-        rms=_rms_table(designs, rms, settings.outputs),
-        indices=pd.concat(indices, ignore_index=True),
-        printed=_printed(settings.key, audit),
-        pade_difference=pd.DataFrame(
-            differences, columns=["design", "output", "unit", "max_difference", "relative_to_peak"]
+        rms=_rms_table(
+            designs, {which: found.rms for which, found in records.items()}, stationary, settings.outputs
         ),
+        indices=pd.concat(
+            [_indices(design, records[design.key, EXACT]) for design in designs], ignore_index=True
+        ),
+        printed=_printed(settings.key, audit),
+        pade_difference=_differences(designs, records, settings.outputs),
     )
 
 
@@ -97,61 +89,83 @@ def build_road(settings: RoadSettings, speed: float) -> Any:
 def record_times(settings: TimeSettings) -> FloatArray:
     """Return the instants of the record (s), from 0, `step` apart."""
     count = int(np.floor(settings.duration / settings.step * (1 + 1e-12)))
-    times: FloatArray = settings.step * np.arange(count + 1)
-    return times
+    return np.asarray(settings.step * np.arange(count + 1), dtype=np.float64)
 
 
-def response(
+@dataclass(frozen=True)
+class Record:
+    """A simulated record: outputs, shape (outputs, n), RMS by output, ride indices; nan where the run overflowed."""
+
+    outputs: FloatArray
+    rms: pd.Series
+    indices: pd.DataFrame
+
+
+def record(
     bench: Workbench, key: str, settings: TimeSettings, road: Any, order: int | None = None, *, every: int = 1
-) -> Any:
+) -> Record:
     """Simulate one design on the road of a case: exact delays, or Padé of the order given.
 
-    The run begins at rest when the front wheel meets the road; the record begins `lead_in` later.
-
-    Returns
-    -------
-    control.TimeResponseData
-        Its times are those of the run: the record begins at `lead_in`.
+    The run begins at rest when the front wheel meets the road; the record begins `lead_in` later and takes every
+    `every`-th instant. An unstable loop may leave the range of numbers: the record is nan then.
     """
-    times = settings.lead_in + record_times(settings)[::every]
-    inputs = road.inputs(bench.lags)
-    if order is None:
-        return simulate(bench.loop(key), times, inputs)
-    return simulate(bench.loop(key), times, inputs, method="pade", order=order)
-
-
-def stationary_indices(bench: Workbench, key: str, road: Any) -> pd.Series | None:
-    """Return the RMS indices of a design without simulation; None for a road or loop that has none."""
+    times = record_times(settings)[::every]
+    method: dict[str, Any] = {} if order is None else {"method": "pade", "order": order}
     try:
-        table = stationary_rms(bench.loop(key), road, bench.lags)
-    except (UnstableSystemError, InputError):
-        return None
-    return table.set_index("indicator")["value"]
+        response = simulate(bench.loop(key), settings.lead_in + times, road.inputs(bench.lags), **method)
+        values = _rows(response, settings.outputs)
+        if not np.all(np.isfinite(values)):
+            raise OverflowError
+        indices = ride_indices(response, settings.skip, vehicle=bench.study.vehicle)
+    except OverflowError:
+        values = np.full((len(settings.outputs), times.size), np.nan)
+        indices = pd.DataFrame(columns=["indicator", "value", "unit"])
+    return Record(values, _rms(times, values, settings), indices)
 
 
-def _stationary(bench: Workbench, design: Design, road: Any) -> pd.Series:
-    found = None if isinstance(road, BumpRoad) else stationary_indices(bench, design.key, road)
-    return pd.Series(dtype=float) if found is None else found
+def band_order(loop: DelayLTI, omega: float) -> int:
+    """Return the Padé order that the band up to omega (rad/s) needs, or the highest there is."""
+    try:
+        return pade_order(loop, omega)
+    except InputError:
+        return HIGHEST_ORDER
 
 
-def record_rows(simulated: Any, outputs: tuple[str, ...]) -> FloatArray:
-    """Return the chosen outputs of a response, shape (outputs, n)."""
-    values = np.asarray(simulated.outputs).reshape(len(simulated.output_labels), -1)
-    return values[[list(simulated.output_labels).index(name) for name in outputs]]
+def stationary_indices(bench: Workbench, key: str, road: Any) -> pd.Series:
+    """Return the RMS indices of a design without simulation; none for a bump or a loop that is not stable."""
+    if not isinstance(road, BumpRoad):
+        try:
+            return stationary_rms(bench.loop(key), road, bench.lags).set_index("indicator")["value"]
+        except UnstableSystemError:
+            pass
+    return pd.Series(dtype=float)
 
 
-def record_rms(simulated: Any, settings: TimeSettings) -> pd.Series:
-    """Return the RMS of every output of the case over the record after `skip`, by the trapezoidal rule."""
-    times = np.asarray(simulated.time)
-    kept = times >= times[0] + settings.skip * (1 - 1e-12)
-    squares = record_rows(simulated, settings.outputs)[:, kept] ** 2
+def _rows(response: Any, outputs: tuple[str, ...]) -> FloatArray:
+    values = np.asarray(response.outputs, dtype=float).reshape(len(response.output_labels), -1)
+    return values[[list(response.output_labels).index(name) for name in outputs]]
+
+
+def _rms(times: FloatArray, values: FloatArray, settings: TimeSettings) -> pd.Series:
+    """Return the RMS of every output over the record after `skip`, by the trapezoidal rule."""
+    kept = times >= settings.skip * (1 - 1e-12)
     span = times[kept][-1] - times[kept][0]
-    return pd.Series(np.sqrt(trapezoid(squares, times[kept]) / span), index=list(settings.outputs))
+    return pd.Series(
+        np.sqrt(trapezoid(values[:, kept] ** 2, times[kept]) / span), index=list(settings.outputs)
+    )
+
+
+def _indices(design: Design, found: Record) -> pd.DataFrame:
+    return found.indices.assign(design=design.key)[["indicator", "unit", "design", "value"]]
 
 
 def _rms_table(
-    designs: list[Design], rms: dict[tuple[str, str], pd.Series], outputs: tuple[str, ...]
+    designs: list[Design],
+    simulated: dict[tuple[str, str], pd.Series],
+    stationary: dict[str, pd.Series],
+    outputs: tuple[str, ...],
 ) -> pd.DataFrame:
+    rms = simulated | {(key, STATIONARY): values for key, values in stationary.items()}
     rows = []
     for output in outputs:
         for design in designs:
@@ -162,22 +176,33 @@ def _rms_table(
                 reference = rms[PASSIVE, STATIONARY if method == STATIONARY else EXACT].get(output, np.nan)
                 change = np.nan if design.key == PASSIVE or not reference else 100 * (value / reference - 1)
                 rows.append(
-                    (output, signal_unit(output), design.key, design.role, method, float(value), change)
+                    (
+                        output,
+                        signal_unit(output),
+                        design.key,
+                        design.role,
+                        method,
+                        float(value),
+                        float(change),
+                    )
                 )
     columns = ["indicator", "unit", "design", "role", "method", "value", "change_percent"]
     return pd.DataFrame(rows, columns=columns)
 
 
-def _difference(
-    key: str, exact: FloatArray, approximate: FloatArray, outputs: tuple[str, ...]
-) -> list[tuple[str, str, str, float, float]]:
-    largest = np.abs(approximate - exact).max(axis=1)
-    peak = np.abs(exact).max(axis=1)
-    relative = np.divide(largest, peak, out=np.full_like(peak, np.nan), where=peak > 0)
-    return [
-        (key, output, signal_unit(output), float(d), float(r))
-        for output, d, r in zip(outputs, largest, relative, strict=True)
-    ]
+def _differences(
+    designs: list[Design], records: dict[tuple[str, str], Record], outputs: tuple[str, ...]
+) -> pd.DataFrame:
+    rows = []
+    for design in designs:
+        if (design.key, PADE) not in records:
+            continue
+        exact, approximate = records[design.key, EXACT].outputs, records[design.key, PADE].outputs
+        largest, peak = np.abs(approximate - exact).max(axis=1), np.abs(exact).max(axis=1)
+        relative = np.divide(largest, peak, out=np.full_like(peak, np.nan), where=peak > 0)
+        for output, d, r in zip(outputs, largest, relative, strict=True):
+            rows.append((design.key, output, signal_unit(output), float(d), float(r)))
+    return pd.DataFrame(rows, columns=["design", "output", "unit", "max_difference", "relative_to_peak"])
 
 
 def _printed(key: str, audit: AuditSettings | None) -> pd.DataFrame | None:

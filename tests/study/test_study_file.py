@@ -124,7 +124,12 @@ vehicle = {{ kind = "{kind}", speed_m_per_s = 10.0 }}
 [[designs]]
 key = "one"
 label = "one"
-channels = [ {{ measured = "{measured}", actuator = "{actuator}", {gain_key} = -10.0, delay_s = 0.01, actuator_bandwidth_rad_per_s = 300.0 }} ]
+[[designs.channels]]
+measured = "{measured}"
+actuator = "{actuator}"
+{gain_key} = -10.0
+delay_s = 0.01
+actuator_bandwidth_rad_per_s = 300.0
 """,
         encoding="utf-8",
     )
