@@ -15,6 +15,7 @@ from susp_ctrl.delay_systems.delay_independence import (
 )
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.discretization import spectral_approximation
+from susp_ctrl.delay_systems.norms import h2_norm, hinf_norm, output_rms
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
 from susp_ctrl.delay_systems.roots import characteristic_roots, spectral_abscissa
 from susp_ctrl.delay_systems.sweep import sweep_delays
@@ -38,8 +39,11 @@ __all__ = [
     "delay",
     "delay_independent_stability",
     "feedback",
+    "h2_norm",
+    "hinf_norm",
     "loop_plant",
     "open_loop",
+    "output_rms",
     "pade_approximation",
     "pade_order",
     "parallel",

@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.algebra import delay
-from susp_ctrl.delay_systems.argument_principle import count_unstable_roots
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.discretization import spectral_approximation
 from susp_ctrl.delay_systems.lft import FloatArray
 from susp_ctrl.delay_systems.loop_response import loop_response
 from susp_ctrl.delay_systems.pade import HIGHEST_ORDER, pade_approximation
 from susp_ctrl.delay_systems.roots import characteristic_roots
+from susp_ctrl.delay_systems.verdict import stability
 from susp_ctrl.errors import InputError
 
 Approximation = Callable[[DelayLTI, int], control.StateSpace]
@@ -103,7 +103,7 @@ def compare_pade(
         band=band,
         response=system(1j * band, squeeze=False),
         rightmost_root=_rightmost(characteristic_roots(system, 1)),
-        stable=_verdict(system),
+        stable=stability(system).stable,
         time_response=None if timepts is None else _simulated(system, timepts, inputs),
     )
     rows = []
@@ -184,11 +184,6 @@ def _rightmost(roots: np.ndarray) -> complex:
     """The rightmost root in the closed upper half plane; nan without roots."""
     upper = roots[roots.imag >= 0.0]
     return complex(upper[np.argmax(upper.real)]) if upper.size else complex("nan")
-
-
-def _verdict(system: DelayLTI) -> bool | None:
-    unstable = count_unstable_roots(system)
-    return None if unstable is None else unstable == 0
 
 
 def _simulated(system: DelayLTI, timepts: Any, inputs: Any) -> np.ndarray:
