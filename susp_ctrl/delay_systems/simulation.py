@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
+from susp_ctrl.delay_systems.approximate_methods import approximation
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.input_signals import Inputs, as_inputs
 from susp_ctrl.delay_systems.lft import FloatArray, Realization
 from susp_ctrl.delay_systems.method_of_steps import Past, Run, run_exact
 from susp_ctrl.errors import InputError
 
-_METHODS = ("exact",)
+_METHODS = ("exact", "pade", "spectral")
 
 
 class SimulationResponse(control.TimeResponseData):
@@ -53,6 +54,7 @@ def simulate(
     inputs: Any = None,
     method: str = "exact",
     *,
+    order: Any = None,
     history: Any = None,
     hold: str = "linear",
     breakpoints: ArrayLike = (),
@@ -72,8 +74,11 @@ def simulate(
         or an array (n_inputs, n_times); or a callable ``t -> (n_inputs, len(t))``. Inputs are zero for t < 0.
         A callable may carry the attributes ``breakpoints`` (times of its kinks and jumps, s), ``bandwidth``
         (rad/s) and ``sines`` = (omegas, amplitudes, phases), meaning ``sum a sin(omega t + phi)`` for all t.
-    method : {"exact"}
-        Spectral method of steps with exact delays.
+    method : {"exact", "pade", "spectral"}
+        Exact delays; or ``sys.pade(order)``; or a spectral line for each delay.
+    order : int or sequence of int, optional
+        Order of the approximation, for all delays or one for each of ``sys.delays``; by default chosen for the
+        input's bandwidth and the plant's natural frequencies.
     history : None, array_like, callable or SimulationResponse, optional
         State before t = 0: zero; constant, shape (n_states,); ``t -> (n_states, len(t))`` on [-longest delay, 0]
         (the sum of delays in series where a delayed signal is delayed again); or the response of an earlier run
@@ -100,6 +105,8 @@ def simulate(
 
     Warns
     -----
+    PadeOrderWarning
+        The order is too low for the input's band or the plant; the message names the order needed.
     RuntimeWarning
         The estimated error exceeds `rtol`.
 
@@ -118,10 +125,21 @@ def simulate(
     validation.one_of("hold", hold, ("linear", "zero"))
     validation.number("rtol", rtol, at_least=1e-13, at_most=1e-2)
     signals = as_inputs(inputs, system.input_labels, times, hold, breakpoints)
+    if method != "exact":
+        if history is not None:
+            raise InputError(f"history is not allowed with method = {method!r}: its delays have no history but zero")
+        system, order = _approximated(system, method, order, signals)
+    elif order is not None:
+        raise InputError(f"order = {order!r} is not allowed with method = 'exact': exact delays have no order")
     past = past_of(system, history)
     _check_start(times, past, signals)
     run = run_exact(system.folded, [signals], times, past, rtol)
-    return _response(system, times, run, method, None, rtol)
+    return _response(system, times, run, method, order, rtol)
+
+
+def _approximated(system: DelayLTI, method: str, order: Any, signals: Inputs) -> tuple[DelayLTI, Any]:
+    ordinary, chosen = approximation(system, method, order, signals.bandwidth)
+    return as_delay_lti(ordinary), chosen
 
 
 def past_of(system: DelayLTI, history: Any) -> Past:
