@@ -198,6 +198,6 @@ def _collatz(X: FloatArray) -> FloatArray:
     for _ in range(5):
         image = X @ v
         bound = np.minimum(bound, np.max(image / v, axis=(-2, -1)))
-        # a small share everywhere keeps v positive without loosening the bound
-        v = image / np.maximum(image.max(axis=-2, keepdims=True), 1e-300) + 1e-3
+        # the share added keeps v positive; it is tiny because a defective root needs very uneven v
+        v = image / np.maximum(image.max(axis=-2, keepdims=True), 1e-300) + 1e-30
     return bound

@@ -5,9 +5,9 @@ A delay is a transport line: with :math:`v(\theta, t) = z(t + \theta)` on :math:
 .. math:: \partial_t v = \partial_\theta v, \qquad v(0, t) = z(t), \qquad w(t) = v(-\tau, t).
 
 Collocation at N Chebyshev points besides the inlet makes it N ordinary states. Only the m delayed signals are
-discretised, not the n states: n + m N unknowns instead of n (N + 1). The rational function that stands for
-:math:`e^{-s\tau}` is accurate to many digits for :math:`|s|\tau/2` a few units below N, in the right half plane
-and to the left of it as long as :math:`|e^{-s\tau}|` is moderate.
+discretised, not the n states: n + m N unknowns instead of n (N + 1), and never more lines than states. The
+rational function that stands for :math:`e^{-s\tau}` is accurate to many digits for :math:`|s|\tau/2` a few units
+below N, in the right half plane and to the left of it as long as :math:`|e^{-s\tau}|` is moderate.
 
 References
 ----------
@@ -94,16 +94,37 @@ def spectral_approximation(sys: DelayLTI, order: int | Sequence[int]) -> control
     return close_bank(sys, DelayBank(A, B, sys.channel_gains[:, None] * C, direct), names)
 
 
-def discretized_matrix(K: CharacteristicMatrix, points: Sequence[int]) -> FloatArray:
-    """Return the matrix of order n + sum(points) whose eigenvalues approximate the roots of K.
+def discretized_matrix(K: CharacteristicMatrix, radius: float, largest: int) -> FloatArray:
+    """Return a matrix whose eigenvalues approximate the roots of K, accurate up to |s| of about `radius`.
 
     Parameters
     ----------
     K : CharacteristicMatrix
-        Characteristic matrix of the loop.
-    points : sequence of int, shape (channels,)
-        Chebyshev points of each line, at least 1.
+        Characteristic matrix of the loop, with at least one delayed signal.
+    radius : float
+        Modulus (rad/s) up to which the delays are resolved.
+    largest : int
+        Order of the matrix that is not exceeded; the delays are then resolved less far.
+
+    Notes
+    -----
+    There is one line for each delayed signal, or, where the signals depend on fewer combinations of the states
+    (a delayed matrix of full rank, one signal with several delays), one for each combination, tapped at every
+    delay.
     """
+    per_signal = np.ceil(0.5 * radius * K.delays) + 6.0
+    rank = np.linalg.matrix_rank(K.C) if not np.any(K.D) else K.n_channels
+    per_combination = np.ceil(0.5 * radius * K.delays.max()) + 6.0
+    room = max(largest - K.n_states, 4 * K.n_channels)
+    if rank * per_combination < per_signal.sum():
+        return _tapped_lines(K, int(rank), int(min(per_combination, room // rank)))
+    if per_signal.sum() > room:
+        per_signal = np.minimum(per_signal, room // K.n_channels)
+    return _separate_lines(K, per_signal.astype(int))
+
+
+def _separate_lines(K: CharacteristicMatrix, points: np.ndarray) -> FloatArray:
+    """One line for each delayed signal, as long as its delay."""
     n, size = K.n_states, K.n_states + int(np.sum(points))
     M = np.zeros((size, size))
     M[:n, :n] = K.A
@@ -117,6 +138,37 @@ def discretized_matrix(K: CharacteristicMatrix, points: Sequence[int]) -> FloatA
         M[rows, outlets] += inlet * K.D[k]
     M[:n, outlets] = K.B
     return M
+
+
+def _tapped_lines(K: CharacteristicMatrix, rank: int, points: int) -> FloatArray:
+    """One line for each of `rank` combinations of the states, as long as the longest delay."""
+    _, values, right = np.linalg.svd(K.C, full_matrices=False)
+    combinations = values[:rank, None] * right[:rank]
+    mixing = np.linalg.lstsq(combinations.T, K.C.T, rcond=None)[0].T
+    longest = float(K.delays.max())
+    line, inlet, _ = _transport_line(points, longest)
+    n = K.n_states
+    M = np.zeros((n + rank * points, n + rank * points))
+    M[:n, :n] = K.A
+    for tau in np.unique(K.delays):
+        shared = K.delays == tau
+        into_state = K.B[:, shared] @ mixing[shared]
+        taps = _interpolation(points, 1.0 - 2.0 * float(tau) / longest)
+        M[:n, :n] += taps[0] * into_state @ combinations
+        M[:n, n:] += np.kron(into_state, taps[1:])
+    M[n:, :n] = np.kron(combinations, inlet)
+    M[n:, n:] = np.kron(np.eye(rank), line)
+    return M
+
+
+def _interpolation(degree: int, x: float) -> FloatArray:
+    """Weights of the values at the Chebyshev points for the value at x, by the barycentric formula."""
+    j = np.arange(degree + 1)
+    distance = x - np.cos(j * np.pi / degree)
+    if np.min(np.abs(distance)) < 1e-14:
+        return (np.abs(distance) < 1e-14).astype(float)
+    weights = np.where((j == 0) | (j == degree), 0.5, 1.0) * (-1.0) ** j / distance
+    return np.asarray(weights / weights.sum())
 
 
 def _transport_line(points: int, delay: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -189,7 +189,7 @@ def _resolve(
             continue
         moments = _moments(K, center, radius)
         number = round(moments[0].real) if np.isfinite(moments[0]) else -1
-        if number >= 0 and abs(moments[0] - number) < 0.05:
+        if number >= 0 and abs(moments[0] - number) < 1e-6:
             break
     else:
         return []
@@ -197,12 +197,15 @@ def _resolve(
         return []
     best = _distinct(points, steps, np.maximum(uncertain[members], steps[members]), members)
     counted = sum(1 if limits[k].imag == 0.0 or center.imag != 0.0 else 2 for k in best)
-    if counted == number and all(uncertain[k] <= 1e-6 * size for k in best):
+    settled = all(steps[k] <= 1e-9 * size and uncertain[k] <= 1e-6 * size for k in best)
+    if counted == number and settled:
         return [(limits[k], steps[k], uncertain[k]) for k in best]
     # power sums of the roots about the centre, in units of the radius, give their polynomial (Newton's identities)
     power = moments[1 : number + 1] if number < moments.size else None
     if power is None:
         return []
+    if number == 1:
+        return _single(K, center + radius * complex(power[0]))
     coefficients = [1.0 + 0j]
     for k in range(1, number + 1):
         coefficients.append(-sum(coefficients[k - j] * power[j - 1] for j in range(1, k + 1)) / k)
@@ -220,6 +223,15 @@ def _resolve(
         error = max(tight, radius * 1e-14 ** (1.0 / number))
     residual = min(spread, tight)
     return [(root, residual, error) for root in roots if root.imag >= 0.0 or center.imag != 0.0]
+
+
+def _single(K: CharacteristicMatrix, start: complex) -> list[tuple[complex, float, float]]:
+    """Newton from the place that a circle gives for its only root."""
+    limit, step = _newton(K, np.array([start]))
+    if not step[0] <= 1e-9 * (abs(limit[0]) + _floor(K)):
+        return []
+    root = np.where(limit.imag < 0.0, limit.conj(), limit)
+    return [(complex(root[0]), float(step[0]), float(_uncertainty(K, root)[0]))]
 
 
 def _distinct(points: ComplexArray, steps: FloatArray, error: FloatArray, members: np.ndarray) -> list[int]:

@@ -211,11 +211,7 @@ def _nothing() -> RootSet:
 
 def _eigenvalues(K: CharacteristicMatrix, radius: float) -> tuple[ComplexArray, int]:
     """Eigenvalues of the discretisation that resolves e^{-s tau} for |s| up to `radius`, and its size."""
-    points = np.ceil(0.5 * radius * K.delays) + 6.0
-    largest = max((_LARGEST_SIZE - K.n_states) / K.n_channels, 4.0)
-    if points.sum() > _LARGEST_SIZE - K.n_states:
-        points = np.minimum(points, largest)
-    M = discretized_matrix(K, [int(p) for p in points])
+    M = discretized_matrix(K, radius, _LARGEST_SIZE)
     return np.linalg.eigvals(M).astype(complex), M.shape[0]
 
 
