@@ -210,6 +210,7 @@ def _optimum_rows(
     if printed.published in values.index:
         evidence += f"; the published design has J = {values[printed.published]:.4g}, the passive car "
         evidence += f"{values['passive']:.4g}"
+    evidence += ". Eq. (6) does not say at which frequency, or over which band, it is taken."
     rows = []
     for k, (theirs, ours) in enumerate(zip(published.channels, tuned.channels, strict=False), 1):
         unit = str(run.bounds["unit"].iloc[k - 1])

@@ -28,15 +28,15 @@ def audit_printed_table(
 ) -> list[AuditRow]:
     """Hold a printed RMS table against the simulation of its case, passive and active, and its percentages."""
     values = case.rms.set_index(["indicator", "design", "method"])["value"]
-    passive = _phase_evidence(bench, printed) if printed.road_printed else _scale_evidence(values, printed)
+    about = _phase_evidence(bench, printed) if printed.road_printed else _scale_evidence(values, printed)
     rows = []
     for row in printed.rows:
         for column, key, text in (("passive", PASSIVE, row.passive), ("active", printed.active, row.active)):
             simulated = float(values[row.indicator, key, EXACT])
             unit = str(case.rms.loc[case.rms["indicator"] == row.indicator, "unit"].iloc[0])
             evidence = _entry_evidence(values, row, key, unit, printed)
-            if column == "passive" and passive:
-                evidence += f" {passive}"
+            if column == "passive" and row.indicator in about:
+                evidence += f" {about[row.indicator]}"
             where = f"{row.indicator}, {column}"
             rows.append(compared(printed.item, where, text, simulated, unit, tolerance, evidence))
     for row in printed.rows:
@@ -55,22 +55,24 @@ def _entry_evidence(values: pd.Series, row: PrintedRow, key: str, unit: str, pri
         passive, active = printed_number(row.passive).value, printed_number(row.active).value
         ratio = values[row.indicator, printed.active, EXACT] / values[row.indicator, PASSIVE, EXACT]
         text += (
-            " The source gives no road amplitudes, so only the ratio active/passive can be held against it: "
-            f"printed {active / passive:.3f}, computed {ratio:.3f} whatever the road class."
+            f" No road amplitudes are printed; active/passive is {active / passive:.3f} as printed, {ratio:.3f} as "
+            "computed, whatever the road class."
         )
     return text
 
 
-def _scale_evidence(values: pd.Series, printed: PrintedTable) -> str:
-    """Say by which factors of the road's amplitude the printed passive column would follow from the computed one."""
-    factors = [
-        printed_number(row.passive).value / float(values[row.indicator, PASSIVE, EXACT])
+def _scale_evidence(values: pd.Series, printed: PrintedTable) -> dict[str, str]:
+    """Say, by indicator, which factor of the road's amplitude the printed passive entry needs."""
+    factors = {
+        row.indicator: printed_number(row.passive).value / float(values[row.indicator, PASSIVE, EXACT])
         for row in printed.rows
-    ]
-    return (
-        "A rougher road of the same shape would scale the whole column by one factor; the printed entries need "
-        f"factors from {min(factors):.2f} to {max(factors):.2f}."
-    )
+    }
+    least, most = min(factors.values()), max(factors.values())
+    return {
+        indicator: f"Printed is {factor:.2f} times computed; a rougher road of the same shape would scale the whole "
+        f"column by one factor, but its entries need {least:.2f} to {most:.2f}."
+        for indicator, factor in factors.items()
+    }
 
 
 def _percentages(
@@ -103,24 +105,24 @@ def _percentages(
     return [arithmetic, computed]
 
 
-def _phase_evidence(bench: Workbench, printed: PrintedTable) -> str:
-    """Say how near a steady state comes to the printed passive column for any phase of the rear road."""
+def _phase_evidence(bench: Workbench, printed: PrintedTable) -> dict[str, str]:
+    """Say, by indicator, what a steady state gives over all phases of the rear road against the front one."""
     case = next(case for case in bench.study.settings.time if case.key == printed.time)
     road = build_road(case.road, bench.speed)
     if not isinstance(road, HarmonicRoad) or len(bench.lags) != 2:
-        return ""
-    omega = np.array([road.omega])
+        return {}
     loop = bench.loop(PASSIVE)
-    outputs = [row.indicator for row in printed.rows]
-    rows = [loop.output_labels.index(name) for name in outputs]
+    indicators = [row.indicator for row in printed.rows]
+    rows = [loop.output_labels.index(name) for name in indicators]
     columns = [loop.input_labels.index(name) for name in bench.lags]
-    response = np.asarray(loop(1j * omega, squeeze=False))[rows][:, columns, 0]
+    response = np.asarray(loop(np.array([1j * road.omega]), squeeze=False))[rows][:, columns, 0]
     turns = np.exp(-1j * np.linspace(0, 2 * np.pi, _PHASES, endpoint=False))
     rms = np.abs(response[:, :1] + response[:, 1:] * turns) * road.amplitude / np.sqrt(2)
     target = np.array([printed_number(row.passive).value for row in printed.rows])
-    worst = np.abs(rms / target[:, None] - 1).max(axis=0)
-    in_phase = ", ".join(f"{value:.4g}" for value in rms[:, 0])
-    return (
-        f"No phase of the rear road gives the printed passive column: at best one entry is off by "
-        f"{100 * worst.min():.0f} %; both wheels in phase give {in_phase}."
-    )
+    misfit = 100 * np.abs(rms / target[:, None] - 1).max(axis=0).min()
+    return {
+        name: f"Over all phases of the rear road the stationary value lies between {found.min():.4g} and "
+        f"{found.max():.4g} (wheels in phase: {found[0]:.4g}); at the best phase an entry of the column is off by "
+        f"{misfit:.0f} %."
+        for name, found in zip(indicators, rms, strict=True)
+    }
