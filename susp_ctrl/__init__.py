@@ -66,6 +66,8 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "pso",
         "tune",
         "TuningProblem",
+        "Limit",
+        "pareto_front",
         "Harmonic",
         "BandMean",
         "BandPeak",

@@ -24,6 +24,7 @@ from susp_ctrl.plotting.style import (
     styled,
     styles_for,
 )
+from susp_ctrl.plotting.trade_off import draw_trade_off
 
 __all__ = [
     "axes_for",
@@ -39,6 +40,7 @@ __all__ = [
     "draw_road",
     "draw_root_locus",
     "draw_roots",
+    "draw_trade_off",
     "draw_unit_modulus",
     "frequency_axis",
     "new_figure",

@@ -5,6 +5,18 @@ from __future__ import annotations
 from susp_ctrl.tuning.objectives import BandMean, BandPeak, Harmonic, RoadRms
 from susp_ctrl.tuning.problem import Limit, TuningProblem
 from susp_ctrl.tuning.swarm import pso
+from susp_ctrl.tuning.trade_off import ParetoFront, pareto_front
 from susp_ctrl.tuning.tuner import tune
 
-__all__ = ["BandMean", "BandPeak", "Harmonic", "Limit", "RoadRms", "TuningProblem", "pso", "tune"]
+__all__ = [
+    "BandMean",
+    "BandPeak",
+    "Harmonic",
+    "Limit",
+    "ParetoFront",
+    "RoadRms",
+    "TuningProblem",
+    "pareto_front",
+    "pso",
+    "tune",
+]

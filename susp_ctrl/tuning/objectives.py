@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.lft import SampledPlant, lft_response
 from susp_ctrl.errors import InputError
+from susp_ctrl.ride import iso2631_weighting
 from susp_ctrl.tuning.quadrature import resonance_rule
 from susp_ctrl.tuning.sampling import ControlledPlant, channel_exponentials
 
@@ -90,6 +91,8 @@ class Harmonic:
         Weight n_i, not negative, of each output.
     lags : mapping of str to float, optional
         Delay (s) after which the road reaches each road input; needed where there is more than one.
+    weighting : mapping of str to str, optional
+        ISO 2631-1 weighting ("Wk", "Wd", "We") of outputs that are to be filtered by it.
 
     Raises
     ------
@@ -100,6 +103,7 @@ class Harmonic:
     omega: float
     weights: Mapping[str, float]
     lags: Mapping[str, float] | None = None
+    weighting: Mapping[str, str] | None = None
     smooth = True
 
     def __post_init__(self) -> None:
@@ -123,7 +127,7 @@ class BandMean:
     omega : array_like
         Increasing frequencies (rad/s), positive; the integral is taken by the trapezoidal rule on them. Two
         numbers are the limits of a band, which is then sampled at 300 logarithmically spaced points.
-    weights, lags
+    weights, lags, weighting
         As in `Harmonic`.
 
     Raises
@@ -135,6 +139,7 @@ class BandMean:
     omega: ArrayLike
     weights: Mapping[str, float]
     lags: Mapping[str, float] | None = None
+    weighting: Mapping[str, str] | None = None
     smooth = True
 
     def __post_init__(self) -> None:
@@ -160,7 +165,7 @@ class BandPeak:
     omega : array_like
         Increasing frequencies (rad/s), positive. Two numbers are the limits of a band, which is then sampled
         at 300 logarithmically spaced points.
-    weights, lags
+    weights, lags, weighting
         As in `Harmonic`.
 
     Raises
@@ -172,6 +177,7 @@ class BandPeak:
     omega: ArrayLike
     weights: Mapping[str, float]
     lags: Mapping[str, float] | None = None
+    weighting: Mapping[str, str] | None = None
     smooth = False
 
     def __post_init__(self) -> None:
@@ -198,7 +204,7 @@ class RoadRms:
     ----------
     road : RandomRoad or any object with ``psd(omega)`` and ``band``
         One-sided displacement PSD G in m2/(rad/s) and its band (lower, upper) in rad/s.
-    weights, lags
+    weights, lags, weighting
         As in `Harmonic`. Without lags only where the plant has one road input.
     points : int
         Number of nodes.
@@ -217,6 +223,7 @@ class RoadRms:
     weights: Mapping[str, float]
     lags: Mapping[str, float] | None = None
     points: int = BAND_POINTS
+    weighting: Mapping[str, str] | None = None
     smooth = True
 
     def __post_init__(self) -> None:
@@ -235,7 +242,9 @@ class RoadRms:
         """Sample the plant at the nodes; the square roots of weight and PSD go into the rows."""
         low, high = (float(limit) for limit in self.road.band)
         omega, nodes = resonance_rule((low, high), plant.realization.eigenvalues, self.points)
-        density = np.sqrt(nodes * np.asarray(self.road.psd(omega), dtype=float))
+        density = np.sqrt(nodes * np.asarray(self.road.psd(omega), dtype=float))[:, None] * _filters(
+            self, omega
+        )
         sampled = plant.sample(omega, list(self.weights), self.lags)
         weights = np.array(list(self.weights.values()))
 
@@ -245,13 +254,23 @@ class RoadRms:
             # The sum over frequencies as a product: several times faster than a strided sum.
             return np.sqrt(ones @ (h.real**2 + h.imag**2)) @ weights
 
-        return SampledObjective(omega, _scaled(sampled, density[:, None]), reduce)
+        return SampledObjective(omega, _scaled(sampled, density), reduce)
 
 
 def _per_velocity(objective: Any, plant: ControlledPlant, omega: FloatArray) -> SampledPlant:
     """Sample the plant with the rows multiplied by their weight over the frequency."""
     weights = np.array(list(objective.weights.values()))
-    return _scaled(plant.sample(omega, list(objective.weights), objective.lags), weights / omega[:, None])
+    scale = weights * _filters(objective, omega) / omega[:, None]
+    return _scaled(plant.sample(omega, list(objective.weights), objective.lags), scale)
+
+
+def _filters(objective: Any, omega: FloatArray) -> FloatArray:
+    """Return |W| of every output at every frequency, shape (f, rows); 1 where none is asked for."""
+    filters = np.ones((omega.size, len(objective.weights)))
+    for k, output in enumerate(objective.weights):
+        if output in (objective.weighting or {}):
+            filters[:, k] = np.abs(iso2631_weighting(omega, objective.weighting[output]))
+    return filters
 
 
 def _scaled(plant: SampledPlant, scale: FloatArray) -> SampledPlant:
@@ -285,5 +304,15 @@ def _check_weights_and_lags(objective: Any) -> None:
             key: validation.number(f"{name}[{key!r}]", value, at_least=0) for key, value in given.items()
         }
         object.__setattr__(objective, name, clean)
+    weighting = objective.weighting
+    if weighting is not None:
+        if not isinstance(weighting, Mapping):
+            raise InputError(
+                f"weighting = {weighting!r} is not allowed: a mapping of output to filter is needed"
+            )
+        for output, name in weighting.items():
+            validation.one_of("weighting", output, objective.weights)
+            iso2631_weighting(1.0, name)
+        object.__setattr__(objective, "weighting", dict(weighting))
     if not any(objective.weights.values()):
         raise InputError("weights are all zero: at least one positive weight is needed")

@@ -66,12 +66,13 @@ def polish(problem: TuningProblem, start: FloatArray) -> FloatArray:
 def _methods(problem: TuningProblem) -> list[Callable[..., list[FloatArray]]]:
     if not hasattr(problem.cases[0].objective, "weighted_response"):
         return [_simplex]
-    kinked = not problem.objective.smooth or len(problem.cases) > 1
+    single = len(problem.cases) == 1 and len(problem.cases[0].delay_factors) == 1
+    kinked = not problem.objective.smooth or not single
     methods = [_epigraph] if kinked else [_descend]
     sampled = problem.cases[0].objective
     # As many real equations as unknowns at most: then a point where the response vanishes can exist.
     equations = 2 * sampled.omega.size * sampled.plant.p11.shape[1]
-    if len(problem.cases) == 1 and equations <= np.count_nonzero(problem.upper > problem.lower):
+    if single and equations <= np.count_nonzero(problem.upper > problem.lower):
         methods.insert(0, _vanish)
     return methods
 
@@ -191,22 +192,28 @@ def _simplex(problem: TuningProblem, design: Batch, start: FloatArray) -> list[F
 
 def _lines(problem: TuningProblem, case: Case, points: FloatArray) -> FloatArray:
     """Return what must stay below t: every line of the spectrum, or the one value of a smooth objective."""
-    gains, delays = case.spread(points)
-    if problem.objective.smooth:
-        return case.objective.evaluate(gains, delays)[:, None]
-    return case.objective.spectra(channel_exponentials(gains, delays, case.objective.omega))
+    rows = []
+    for factor in case.delay_factors:
+        gains, delays = case.spread(points, factor)
+        if problem.objective.smooth:
+            rows.append(case.objective.evaluate(gains, delays)[:, None])
+        else:
+            E = channel_exponentials(gains, delays, case.objective.omega)
+            rows.append(case.objective.spectra(E))
+    return np.concatenate(rows, axis=1)
 
 
 def _limit_constraints(problem: TuningProblem, design: Batch) -> list[Any]:
-    """Return the limits as SLSQP inequalities, 1 - value/limit >= 0 (one row per plant and limit)."""
+    """Return the limits as SLSQP inequalities, 1 - value/limit >= 0 (one row per plant, corner and limit)."""
     if not problem.limits:
         return []
 
     def room(u: FloatArray) -> FloatArray:
         points = design(u)
         rows = [
-            1.0 - bound.evaluate(*case.spread(points)) / limit.at_most
+            1.0 - bound.evaluate(*case.spread(points, factor)) / limit.at_most
             for case in problem.cases
+            for factor in case.delay_factors
             for limit, bound in zip(problem.limits, case.limits, strict=True)
         ]
         return np.stack(rows, axis=1)

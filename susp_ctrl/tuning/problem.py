@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,10 +57,18 @@ class Case(NamedTuple):
     stability: StabilityTest
     fixed_gains: FloatArray
     fixed_delays: FloatArray
+    delay_factors: FloatArray
 
-    def spread(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def worst(self, objective: SampledObjective, points: FloatArray) -> FloatArray:
+        """Return the largest value of an objective over the delay factors, points (n, 2 m) to (n,)."""
+        return np.max([objective.evaluate(*self.spread(points, f)) for f in self.delay_factors], axis=0)
+
+    def spread(
+        self, points: FloatArray, delay_factor: FloatArray | float = 1.0
+    ) -> tuple[FloatArray, FloatArray]:
         """Return gains and delays, shape (n, channels), of design vectors (n, 2 m)."""
         gains, delays = np.split(points, 2, axis=1)
+        delays = delays * delay_factor
         if self.fixed_gains.size:
             shape = (len(points), self.fixed_gains.size)
             gains = np.hstack([np.broadcast_to(self.fixed_gains, shape), gains])
@@ -97,6 +106,9 @@ class TuningProblem:
         Required decay rate (1/s): every root satisfies Re s < -decay_rate.
     delay_tolerance : float, optional
         Required robustness: stable while each delay moves by +- this fraction on its own.
+    worst_case_delays : bool, optional
+        Take J and the limits at their worst over the nominal delays and all corners of the box that
+        `delay_tolerance` spans.
 
     Attributes
     ----------
@@ -125,7 +137,20 @@ class TuningProblem:
         limits: Sequence[Limit] = (),
         decay_rate: float = 0.0,
         delay_tolerance: float = 0.0,
+        worst_case_delays: bool = False,
     ) -> None:
+        self._arguments = {
+            "plant": plant,
+            "pairs": pairs,
+            "objective": objective,
+            "gain_bounds": gain_bounds,
+            "delay_bounds": delay_bounds,
+            "actuator_bandwidth": actuator_bandwidth,
+            "limits": limits,
+            "decay_rate": decay_rate,
+            "delay_tolerance": delay_tolerance,
+            "worst_case_delays": worst_case_delays,
+        }
         self.pairs = _checked_pairs(pairs)
         m = len(self.pairs)
         gains = _bounds("gain_bounds", gain_bounds, m)
@@ -134,6 +159,8 @@ class TuningProblem:
         self.upper = np.concatenate([gains[:, 1], delays[:, 1]])
         self.decay_rate = validation.number("decay_rate", decay_rate, at_least=0)
         self.delay_tolerance = validation.number("delay_tolerance", delay_tolerance, at_least=0, below=1)
+        corners = np.array(list(product((1.0 - self.delay_tolerance, 1.0 + self.delay_tolerance), repeat=m)))
+        self._factors = np.vstack([np.ones((1, m)), corners]) if worst_case_delays else np.ones((1, m))
         widths = actuator_bandwidth if isinstance(actuator_bandwidth, Sequence) else [actuator_bandwidth] * m
         if len(widths) != m:
             raise InputError(
@@ -156,6 +183,10 @@ class TuningProblem:
         self.passive_value = float(self.values(idle)[0])
         if not all(case.stability.plant_stable for case in self._cases):
             self.passive_value = np.nan
+
+    def replace(self, **changes: Any) -> TuningProblem:
+        """Return a copy with some arguments changed."""
+        return TuningProblem(**(self._arguments | changes))
 
     @property
     def dimension(self) -> int:
@@ -192,7 +223,7 @@ class TuningProblem:
 
     def values(self, points: FloatArray) -> FloatArray:
         """Return J of many designs, points (n, 2 m) to (n,), whether they are feasible or not."""
-        return np.max([c.objective.evaluate(*c.spread(points)) for c in self._cases], axis=0)
+        return np.max([case.worst(case.objective, points) for case in self._cases], axis=0)
 
     def violations(self, points: FloatArray) -> FloatArray:
         """Return how far designs are from feasible, points (n, 2 m) to (n,): 0 if feasible.
@@ -203,11 +234,10 @@ class TuningProblem:
         """
         worst = np.zeros(len(points))
         for case in self._cases:
-            gains, delays = case.spread(points)
             over = np.zeros(len(points))
             for limit, bound in zip(self.limits, case.limits, strict=True):
-                over += np.maximum(bound.evaluate(gains, delays) / limit.at_most - 1.0, 0.0)
-            unstable = case.stability.violations(gains, delays)
+                over += np.maximum(case.worst(bound, points) / limit.at_most - 1.0, 0.0)
+            unstable = case.stability.violations(*case.spread(points))
             worst = np.maximum(worst, np.where(unstable > 0, unstable, 0.5 * over / (1.0 + over)))
         return worst
 
@@ -238,7 +268,7 @@ class TuningProblem:
             self.delay_tolerance,
         )
         limits = tuple(limit.objective.bind(controlled) for limit in self.limits)
-        return Case(self.objective.bind(controlled), limits, test, fixed_gains, fixed_delays)
+        return Case(self.objective.bind(controlled), limits, test, fixed_gains, fixed_delays, self._factors)
 
 
 def _checked_pairs(pairs: Any) -> tuple[tuple[str, str], ...]:

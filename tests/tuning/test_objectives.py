@@ -11,10 +11,12 @@ from tuning.tuning_case import (
     PAIRS,
     WEIGHTS,
     eq6,
+    magnitudes,
     objective,
     problem,
     random_designs,
     road,
+    road_psd,
     road_sigmas,
 )
 
@@ -119,6 +121,49 @@ def test_weights_scale_and_swarm_equals_single_designs():
     np.testing.assert_allclose(double.values(DESIGNS), 2 * together, rtol=1e-13)
 
 
+@pytest.mark.analytical
+def test_iso_weighting_filters_the_outputs():
+    """Wk and We of ISO 2631-1 written out here: factors of the oracle's spectra and of the road integral."""
+
+    def second(s, f, q):
+        w = 2 * np.pi * f
+        return 1 + s / (q * w) + (s / w) ** 2
+
+    def weight(omega, f3, f4, q4, step=None):
+        s = 1j * omega
+        w1 = 2 * np.pi * 0.4
+        h = 1 / (1 + np.sqrt(2) * w1 / s + (w1 / s) ** 2) / second(s, 100.0, 1 / np.sqrt(2))
+        h = h * (1 + s / (2 * np.pi * f3)) / second(s, f4, q4)
+        if step:
+            f5, q5, f6, q6 = step
+            h = h * second(s, f5, q5) / second(s, f6, q6) * (f5 / f6) ** 2
+        return np.abs(h)
+
+    filters = {"body_acceleration": "Wk", "pitch_acceleration": "We"}
+    omega = np.geomspace(*BAND, 20000)
+    factors = np.column_stack(
+        [weight(omega, 12.5, 12.5, 0.63, (2.37, 0.91, 3.35, 0.91)), weight(omega, 1.0, 1.0, 0.63)]
+    )
+    x = DESIGNS[0]
+    psd = road_psd(omega)
+    sigma = np.sqrt(
+        np.trapezoid((magnitudes(omega, x) * factors) ** 2 * (psd * omega)[:, None], np.log(omega), axis=0)
+    )
+    p = TuningProblem(
+        HalfCar().plant(), PAIRS, RoadRms(road(), WEIGHTS, LAGS, weighting=filters), gain_bounds=(-4e4, 4e4)
+    )
+    assert p.values(x[None])[0] == pytest.approx(sigma @ [0.7, 0.3], rel=2e-4)
+    few = np.array([3.0, 8.0, 60.0])
+    factors = np.column_stack(
+        [weight(few, 12.5, 12.5, 0.63, (2.37, 0.91, 3.35, 0.91)), weight(few, 1.0, 1.0, 0.63)]
+    )
+    expected = ((magnitudes(few, x) * factors) @ [0.7, 0.3] / few).max()
+    peak = TuningProblem(
+        HalfCar().plant(), PAIRS, BandPeak(few, WEIGHTS, LAGS, weighting=filters), gain_bounds=(-4e4, 4e4)
+    )
+    assert peak.values(x[None])[0] == pytest.approx(expected, rel=1e-10)
+
+
 def test_single_road_needs_no_lags():
     car = QuarterCar()
     p = TuningProblem(
@@ -146,6 +191,12 @@ def test_single_road_needs_no_lags():
         (lambda: BandPeak((0.0, 2.0), WEIGHTS, LAGS), "omega > 0"),
         (lambda: RoadRms(HarmonicRoad(0.05, 7.0), WEIGHTS, LAGS), "road"),
         (lambda: RoadRms(None, WEIGHTS, LAGS), "road = None"),
+        (lambda: Harmonic(7.0, WEIGHTS, LAGS, weighting={"body_acceleration": "Wq"}), "Wq"),
+        (
+            lambda: Harmonic(7.0, WEIGHTS, LAGS, weighting={"body_velocity": "Wk"}),
+            "weighting = 'body_velocity'",
+        ),
+        (lambda: Harmonic(7.0, WEIGHTS, LAGS, weighting="Wk"), "weighting = 'Wk'"),
         (lambda: RoadRms(RandomRoad(iso_class="C", speed=20.0), WEIGHTS, LAGS, points=3), "points"),
     ],
 )

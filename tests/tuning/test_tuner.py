@@ -11,9 +11,9 @@ from oracles import characteristic_function
 from scipy.optimize import differential_evolution
 from tuning.tuning_case import LAGS, PAIRS, PAPER_BOX, WEIGHTS, eq6, objective, problem, road, road_sigmas
 
-from susp_ctrl.delay_systems import stability
+from susp_ctrl.delay_systems import FeedbackChannel, close_loop, stability
 from susp_ctrl.errors import InputError, NeutralLoopError
-from susp_ctrl.tuning import Harmonic, Limit, RoadRms, TuningProblem, tune
+from susp_ctrl.tuning import Harmonic, Limit, RoadRms, TuningProblem, pareto_front, tune
 from susp_ctrl.vehicle import HalfCar, QuarterCar
 
 # Best values known of the half car in the paper's box on class C at 20 m/s, found by 60 seeds of the ring swarm
@@ -208,6 +208,74 @@ def test_worst_of_several_vehicles():
     assert best.fun >= max(b.fun for b in bests) * (1 - 1e-9)
 
 
+def test_worst_case_over_a_box_of_delays():
+    """J of every design is its worst over nominal and +-20 % delays; the robust design is stable at all."""
+    robust = problem("band_peak", delay_tolerance=0.2, worst_case_delays=True)
+    plain = problem("band_peak")
+    x = np.array([[-13000.0, 17000.0, 0.1, 0.26]])
+    spread = np.array(
+        [[*x[0, :2], x[0, 2] * a, x[0, 3] * b] for a in (0.8, 1.0, 1.2) for b in (0.8, 1.0, 1.2)]
+    )
+    corners = [k for k in range(9) if (k // 3 == 1) == (k % 3 == 1)]
+    assert robust.values(x)[0] == plain.values(spread)[corners].max()
+    best = tune(robust, particles=30, iterations=40, seed=0)
+    nominal = tune(plain, seed=0)
+    assert best.success
+    assert best.fun < robust.values(nominal.x[None])[0]
+    assert best.fun > nominal.fun
+
+
+def test_delay_tolerance_in_the_wide_box():
+    """Designs that pass are stable at 81 delay pairs within +-20 %."""
+    p = problem("road_rms", gain_bounds=WIDE_BOX, delay_tolerance=0.2)
+    rng = np.random.default_rng(3)
+    points = p.lower + rng.random((300, 4)) * (p.upper - p.lower) * [0.7, 0.7, 1, 1] + [9e4, 9e4, 0, 0]
+    passed = points[p.violations(points) == 0]
+    assert 2 <= len(passed) < 150
+    plain = problem("road_rms", gain_bounds=WIDE_BOX, delay_bounds=(0.0, 1.3))
+    for x in passed:
+        factors = np.linspace(0.8, 1.2, 9)
+        grid = np.array([[*x[:2], x[2] * a, x[3] * b] for a in factors for b in factors])
+        assert np.all(plain.violations(grid) == 0)
+
+
+def test_plant_with_a_delay_of_its_own():
+    """Tuning the rear axle of a car whose front axle is already closed equals tuning both, front fixed."""
+    car = HalfCar().plant()
+    front = FeedbackChannel(*PAIRS[0], gain=-1.9e4, delay=0.1)
+    nested = TuningProblem(close_loop(car, [front]), PAIRS[1:], objective("road_rms"), PAPER_BOX[1:])
+    flat = problem(
+        "road_rms", gain_bounds=[(front.gain, front.gain), PAPER_BOX[1]],
+        delay_bounds=[(front.delay, front.delay), (0.001, 1.0)],
+    )  # fmt: skip
+    x = np.array([[1.4e4, 0.22], [-2e4, 0.5]])
+    both = np.column_stack([np.full(2, front.gain), x[:, 0], np.full(2, front.delay), x[:, 1]])
+    np.testing.assert_allclose(nested.values(x), flat.values(both), rtol=1e-12)
+    np.testing.assert_array_equal(nested.violations(x), flat.violations(both))
+    a, b = (tune(p, particles=20, iterations=40, seed=0) for p in (nested, flat))
+    np.testing.assert_allclose(a.x, b.x[[1, 3]], rtol=1e-3)
+
+
+def test_pareto_front_is_one():
+    """Comfort against road holding: sorted, none dominated, ends at both single optima, beats the passive car."""
+    tires = {"tire_deflection_front": 0.5, "tire_deflection_rear": 0.5}
+    p, holding = problem("road_rms"), RoadRms(road(), tires, LAGS)
+    front = pareto_front(p, holding, points=5, particles=30, iterations=60, polish_starts=4)
+    first, second = front.table["first"].to_numpy(), front.table["second"].to_numpy()
+    assert len(front.table) >= 4
+    assert np.all(np.diff(first) > 0)
+    assert np.all(np.diff(second) < 0)
+    alone = tune(p.replace(objective=holding), seed=0)
+    assert second.min() == pytest.approx(alone.fun, rel=1e-3)
+    assert first.min() < 0.95 * front.passive[0]
+    design = front.table[["gain_1", "gain_2", "delay_1", "delay_2"]].to_numpy()
+    np.testing.assert_allclose(p.values(design), first, rtol=1e-12)
+    assert all(result.stability.stable is True for result in front.results)
+    axes = front.plot(xlabel="comfort")
+    assert axes.get_xlabel() == "comfort"
+    np.testing.assert_array_equal(axes.lines[0].get_xdata(), first)
+
+
 def test_one_channel_with_fixed_delay():
     p = TuningProblem(
         QuarterCar().plant(), [("unsprung_displacement", "force")],
@@ -285,7 +353,7 @@ def test_tune_wants_a_problem():
 @pytest.mark.parametrize(
     ("name", "tolerance"), [("road_rms", 1e-4), ("band_mean", 1e-4), ("band_peak", 1e-3)]
 )
-def test_best_known_value_in_48_of_50_seeds(name, tolerance, monkeypatch):
+def test_best_known_value_in_48_of_50_seeds(name, tolerance):
     p = problem(name)
     values = np.array([tune(p, seed=seed).fun for seed in range(50)])
     assert values.min() >= BEST[name] * (1 - 1e-6)
@@ -295,15 +363,19 @@ def test_best_known_value_in_48_of_50_seeds(name, tolerance, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["road_rms", "band_mean", "band_peak"])
 def test_differential_evolution_finds_nothing_better(name):
-    """An independent optimiser with a budget five times larger agrees on the value."""
+    """An independent optimiser with a budget many times larger (five runs) agrees on the value."""
     p = problem(name)
+    found = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = differential_evolution(
-            lambda x: p.values(np.atleast_2d(x.T)), list(zip(p.lower, p.upper, strict=True)), rng=1,
-            popsize=40, maxiter=400, tol=1e-10, vectorized=True, updating="deferred", polish=False,
-        )  # fmt: skip
-    assert found.fun == pytest.approx(BEST[name], rel=1e-3 if name == "band_peak" else 1e-5)
+        for seed in range(5):
+            run = differential_evolution(
+                lambda x: p.values(np.atleast_2d(x.T)), list(zip(p.lower, p.upper, strict=True)), rng=seed,
+                popsize=50, maxiter=300, tol=1e-10, mutation=(0.5, 1.2), vectorized=True, updating="deferred",
+                polish=False,
+            )  # fmt: skip
+            found.append(run.fun)
+    assert min(found) == pytest.approx(BEST[name], rel=1e-3 if name == "band_peak" else 1e-5)
 
 
 @pytest.mark.slow
@@ -312,7 +384,7 @@ def test_times_of_the_papers_setting():
     for limit, box in ((0.5, PAPER_BOX), (2.0, WIDE_BOX)):
         p = problem("road_rms", gain_bounds=box)
         times = []
-        for seed in range(3):
+        for seed in range(7):
             start = time.process_time()
             tune(p, seed=seed)
             times.append(time.process_time() - start)
