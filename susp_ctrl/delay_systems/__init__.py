@@ -17,10 +17,11 @@ from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.discretization import spectral_approximation
 from susp_ctrl.delay_systems.norms import h2_norm, hinf_norm, output_rms
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
+from susp_ctrl.delay_systems.root_locus import RootLocus, root_locus
 from susp_ctrl.delay_systems.roots import characteristic_roots, spectral_abscissa
+from susp_ctrl.delay_systems.simulation import SimulationResponse, simulate
 from susp_ctrl.delay_systems.sweep import sweep_delays
 from susp_ctrl.delay_systems.sweep_result import DelaySweep
-from susp_ctrl.delay_systems.simulation import SimulationResponse, simulate
 from susp_ctrl.delay_systems.verdict import StabilityVerdict, stability
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "DelayLTI",
     "DelaySweep",
     "FeedbackChannel",
+    "RootLocus",
     "SimulationResponse",
     "StabilityVerdict",
     "append",
@@ -47,6 +49,7 @@ __all__ = [
     "pade_approximation",
     "pade_order",
     "parallel",
+    "root_locus",
     "series",
     "simulate",
     "small_gain_of_samples",
