@@ -14,6 +14,7 @@ from susp_ctrl.plotting.style import (
     GREEN,
     PURPLE,
     VERMILLION,
+    Look,
     axes_for,
     powers_of_ten,
     styled,
@@ -37,7 +38,7 @@ def draw_order_error(
     ylabel: str = "relative error",
     xlabel: str = "order of the Padé approximation",
     needed: float | None = None,
-    styles: Mapping[str, int | str] | None = None,
+    styles: Mapping[str, Look] | None = None,
     legend: bool = True,
     title: str | None = None,
 ) -> Axes:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from susp_ctrl.plotting.style import axes_for, powers_of_ten, sparse_markers, styled, styles_for
+from susp_ctrl.plotting.style import Look, axes_for, powers_of_ten, sparse_markers, styled, styles_for
 
 _TWO_PI = 2.0 * np.pi
 _NARROW = 2.2  # inch
@@ -25,7 +25,7 @@ def draw_magnitude(
     decibel: bool = False,
     log_magnitude: bool = False,
     log_frequency: bool = True,
-    styles: Mapping[str, int | str] | None = None,
+    styles: Mapping[str, Look] | None = None,
     legend: bool = True,
     title: str | None = None,
 ) -> Axes:
@@ -87,7 +87,7 @@ def draw_bode(
     axes: tuple[Axes, Axes] | None = None,
     *,
     ylabel: str = "magnitude (dB)",
-    styles: Mapping[str, int | str] | None = None,
+    styles: Mapping[str, Look] | None = None,
     legend: bool = True,
     title: str | None = None,
 ) -> tuple[Axes, Axes]:

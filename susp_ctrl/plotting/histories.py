@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from susp_ctrl.plotting.style import BLACK, axes_for, curve_style, styled, styles_for
+from susp_ctrl.plotting.style import BLACK, Look, axes_for, curve_style, styled, styles_for
 
 
 @styled
@@ -24,7 +24,7 @@ def draw_history(
     ylabel: str = "",
     xlabel: str = "time (s)",
     scale: float = 1.0,
-    styles: Mapping[str, int | str] | None = None,
+    styles: Mapping[str, Look] | None = None,
     legend: bool = True,
     title: str | None = None,
 ) -> Axes:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from susp_ctrl.plotting.style import BLACK, BLUE, GREY, VERMILLION, axes_for, styled, styles_for
+from susp_ctrl.plotting.style import BLACK, BLUE, GREY, VERMILLION, Look, axes_for, styled, styles_for
 
 _MARKERS = ("x", "o", "s", "^", "D", "v", "P", "X")
 
@@ -18,7 +18,7 @@ def draw_roots(
     roots: Mapping[str, ArrayLike],
     ax: Axes | None = None,
     *,
-    styles: Mapping[str, int | str] | None = None,
+    styles: Mapping[str, Look] | None = None,
     legend: bool = True,
     title: str | None = None,
 ) -> Axes:

@@ -8,7 +8,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from susp_ctrl.plotting.style import BLACK, GREY, axes_for, powers_of_ten, sparse_markers, styled, styles_for
+from susp_ctrl.plotting.style import (
+    BLACK,
+    GREY,
+    Look,
+    axes_for,
+    powers_of_ten,
+    sparse_markers,
+    styled,
+    styles_for,
+)
 
 
 @styled
@@ -20,7 +29,7 @@ def draw_convergence(
     log_cost: bool = True,
     reference: float | None = None,
     reference_label: str = "passive",
-    styles: Mapping[str, int | str] | None = None,
+    styles: Mapping[str, Look] | None = None,
     legend: bool = True,
     title: str | None = None,
 ) -> Axes:
@@ -78,7 +87,7 @@ def draw_detuning(
     *,
     ylabel: str = "J",
     marks: ArrayLike = (-0.05, 0.05),
-    styles: Mapping[str, int | str] | None = None,
+    styles: Mapping[str, Look] | None = None,
     legend: bool = True,
     title: str | None = None,
 ) -> Axes:

@@ -13,6 +13,7 @@ from susp_ctrl.plotting.frequency import frequency_axis
 from susp_ctrl.plotting.style import (
     BLACK,
     VERMILLION,
+    Look,
     axes_for,
     powers_of_ten,
     sparse_markers,
@@ -29,7 +30,7 @@ def draw_unit_modulus(
     *,
     crossings: ArrayLike = (),
     ylabel: str = "|z|",
-    styles: Mapping[str, int | str] | None = None,
+    styles: Mapping[str, Look] | None = None,
     legend: bool = True,
     title: str | None = None,
 ) -> Axes:

@@ -27,13 +27,12 @@ from numpy.typing import NDArray
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-BLACK, BLUE, VERMILLION, GREEN, PURPLE, SKY, ORANGE, GREY = (
+BLACK, BLUE, VERMILLION, GREEN, PURPLE, ORANGE, GREY = (
     "#000000",
     "#0072B2",
     "#D55E00",
     "#009E73",
     "#CC79A7",
-    "#56B4E9",
     "#E69F00",
     "#7F7F7F",
 )
@@ -99,12 +98,16 @@ _CYCLE: tuple[dict[str, Any], ...] = (
     {"color": BLUE, "linestyle": "-", "marker": "o"},
     {"color": GREEN, "linestyle": _LONG_DASH, "marker": "^"},
     {"color": PURPLE, "linestyle": _DASH_DOT_DOT, "marker": "D"},
-    {"color": SKY, "linestyle": "-", "marker": "v"},
+    {"color": BLACK, "linestyle": "-", "marker": "v"},
     {"color": ORANGE, "linestyle": (0, (2.5, 1.2)), "marker": "P"},
     {"color": GREY, "linestyle": (0, (1, 1.2)), "marker": "X", "linewidth": 1.6},
 )
 
 _ROLES = {"passive": 0, "published": 1, "tuned": 2}
+
+
+Look = int | str | Mapping[str, Any]
+"""How a curve looks: a number or role of `curve_style`, or line properties."""
 
 
 def curve_style(which: int | str) -> dict[str, Any]:
@@ -130,9 +133,7 @@ def curve_style(which: int | str) -> dict[str, Any]:
     return {"markerfacecolor": "white", "markeredgewidth": 0.8, **_CYCLE[number % len(_CYCLE)]}
 
 
-def styles_for(
-    labels: Iterable[str], styles: Mapping[str, int | str] | None = None
-) -> dict[str, dict[str, Any]]:
+def styles_for(labels: Iterable[str], styles: Mapping[str, Look] | None = None) -> dict[str, dict[str, Any]]:
     """Return the line properties of several curves, by label.
 
     Parameters
@@ -140,18 +141,20 @@ def styles_for(
     labels
         The curves, in drawing order.
     styles
-        For some or all labels, the number or role of `curve_style`. Labels without an entry take the next
-        looks that nobody asked for.
+        For some or all labels, the number or role of `curve_style`, or line properties. Labels without an entry
+        take the next looks that nobody asked for.
     """
     chosen = dict(styles or {})
-    taken = {_ROLES[s] if isinstance(s, str) else int(s) % len(_CYCLE) for s in chosen.values()}
+    numbers = [look for look in chosen.values() if not isinstance(look, Mapping)]
+    taken = {_ROLES[look] if isinstance(look, str) else look % len(_CYCLE) for look in numbers}
     free = [number for number in range(len(_CYCLE)) if number not in taken] or list(range(len(_CYCLE)))
     result, next_free = {}, 0
     for label in labels:
         if label not in chosen:
             chosen[label] = free[next_free % len(free)]
             next_free += 1
-        result[label] = curve_style(chosen[label])
+        look = chosen[label]
+        result[label] = dict(look) if isinstance(look, Mapping) else curve_style(look)
     return result
 
 

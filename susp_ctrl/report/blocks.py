@@ -16,7 +16,9 @@ from susp_ctrl.report.formatting import (
     change_text,
     exact_text,
     fixed_text,
+    formula_text,
     number_text,
+    prose,
     signal_text,
     unit_text,
 )
@@ -24,8 +26,22 @@ from susp_ctrl.report.formatting import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-Kind = Literal["text", "long", "signal", "unit", "number", "exact", "fixed", "integer", "change", "check"]
-_RIGHT = ("number", "exact", "fixed", "integer", "change")
+Kind = Literal[
+    "text",
+    "long",
+    "prose",
+    "signal",
+    "unit",
+    "number",
+    "exact",
+    "fixed",
+    "integer",
+    "change",
+    "check",
+    "written",
+    "formula",
+]
+_RIGHT = ("written", "number", "exact", "fixed", "integer", "change")
 
 
 @dataclass(frozen=True)
@@ -39,7 +55,8 @@ class Column:
     heading : str
         Heading, with the unit where the whole column has one.
     kind : str
-        ``"text"`` as it is, ``"long"`` text that may wrap, ``"signal"`` a signal name in words, ``"unit"`` a unit,
+        ``"text"`` as it is, ``"prose"`` as running text, ``"long"`` the same and it may wrap, ``"signal"`` a signal
+        name in words, ``"unit"`` a unit, ``"formula"`` a formula in plain letters, ``"written"`` a number as text,
         ``"number"`` with `digits` significant digits, ``"exact"`` a given number, ``"fixed"`` with `digits` decimals,
         ``"integer"``, ``"change"`` percent with sign and mark, ``"check"`` a truth value.
     digits : int
@@ -67,9 +84,14 @@ class Column:
         missing = value is None or (isinstance(value, float) and value != value)
         if isinstance(value, str):
             value = self.words.get(value, value)
-            if self.kind == "signal":
-                return signal_text(value)
-            return unit_text(value) if self.kind == "unit" else value
+            shown = {
+                "signal": signal_text,
+                "unit": unit_text,
+                "prose": prose,
+                "long": prose,
+                "formula": formula_text,
+            }.get(self.kind)
+            return shown(value) if shown else value
         if missing:
             return NOTHING
         match self.kind:

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, assert_never
 
 from susp_ctrl.report.blocks import Block, Box, Equations, Figure, Heading, Section, Table, Text
+from susp_ctrl.report.formatting import prose, sentence
 
 if TYPE_CHECKING:
     from susp_ctrl.study.result import StudyRun
 
 DATA_FILE = "report.json"
-_WHOLE_ROWS = 36  # tables up to this length are not broken over pages
+_WHOLE_ROWS = 16  # tables up to this length are not broken over pages
 NO_TYPST = "report.pdf is left out: the package typst is not installed (pip install typst)"
 """What is said where the wheel that sets the PDF is missing."""
 
@@ -66,7 +67,7 @@ def payload(run: StudyRun, sections: Sequence[Section], figure_folder: str = "fi
         "opening": [block_data(block, figure_folder) for block in opening(run)],
         "sections": [
             {
-                "title": section.title,
+                "title": prose(section.title),
                 "blocks": [block_data(b, figure_folder) for b in section.blocks if _is_shown(b)],
             }
             for section in sections
@@ -78,26 +79,35 @@ def block_data(block: Block, figure_folder: str) -> dict[str, Any]:
     """Return one block as data for the template."""
     match block:
         case Heading():
-            return {"kind": "heading", "text": block.text}
+            return {"kind": "heading", "text": prose(block.text)}
         case Text():
             return {
                 "kind": "text",
-                "text": block.text,
-                "items": list(block.items),
+                "text": prose(block.text),
+                "items": [sentence(item) for item in block.items],
                 "numbered": block.numbered,
             }
         case Equations():
             return {"kind": "equations", "name": block.name}
         case Box():
-            return {"kind": "box", "title": block.title, "lines": list(block.lines), "warning": block.warning}
+            return {
+                "kind": "box",
+                "title": block.title,
+                "lines": [prose(line) for line in block.lines],
+                "warning": block.warning,
+            }
         case Figure():
-            return {"kind": "figure", "path": f"{figure_folder}/{block.key}.pdf", "caption": block.caption}
+            return {
+                "kind": "figure",
+                "path": f"{figure_folder}/{block.key}.pdf",
+                "caption": prose(block.caption),
+            }
         case Table():
             rows = block.cells()
             size, gap = _table_size(block, rows)
             return {
                 "kind": "table",
-                "caption": block.caption,
+                "caption": prose(block.caption),
                 "note": block.note,
                 "breakable": len(rows) > _WHOLE_ROWS,
                 "size": size,

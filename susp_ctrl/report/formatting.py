@@ -9,6 +9,8 @@ from typing import Any
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _MINUS, _THIN = "\N{MINUS SIGN}", "\N{THIN SPACE}"
+_PLACES = ("front", "rear", "left", "right")
+_CAPITALS = {"mtvv": "MTVV", "vdv": "VDV", "rms": "RMS"}
 NOTHING = "–"
 """What stands where there is no value."""
 
@@ -92,37 +94,69 @@ def grouped(text: str) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """Return a unit with raised exponents: ``m/s2`` becomes ``m/s²``."""
-    return re.sub(r"(?<=[A-Za-z])([2-9])", lambda match: match.group(1).translate(_SUPERSCRIPTS), unit)
+    """Return a unit with raised exponents, ``m/s2`` as ``m/s²``, and nothing for a pure number (``-``)."""
+    if unit == "-":
+        return ""
+    raised = re.sub(r"(?<=s)1\.75\b", "¹·⁷⁵", unit)
+    return re.sub(r"(?<=[A-Za-z])([2-9])", lambda match: match.group(1).translate(_SUPERSCRIPTS), raised)
 
 
 def symbol_text(name: str) -> str:
-    """Return a numbered symbol or text with such symbols: ``tau2`` becomes ``τ₂``, ``g1`` ``g₁``, ``rho`` ``ρ``."""
+    """Return text with its numbered symbols as such: ``tau2`` becomes ``τ₂``, ``g1`` ``g₁``, ``rho`` ``ρ``."""
 
     def with_subscript(match: re.Match[str]) -> str:
         greek = {"tau": "τ"}.get(match.group(1), match.group(1))
         return greek + match.group(2).translate(_SUBSCRIPTS)
 
-    return re.sub(r"\b(tau|[gz])(\d+)\b", with_subscript, name).replace("rho", "ρ")
+    return re.sub(r"\brho\b", "ρ", re.sub(r"\b(tau|[gz])(\d+)\b", with_subscript, name))
+
+
+def prose(text: str) -> str:
+    """Return running text as a reader expects it.
+
+    Signal names become words, numbered symbols get subscripts, units raised exponents, numbers a true minus sign
+    and powers of ten.
+
+    Examples
+    --------
+    >>> prose("tire_deflection_front is -2.5e-6 m, tau2 0.1 s, 3 m/s2")
+    'front tire deflection is −2.5×10⁻⁶ m, τ₂ 0.1 s, 3 m/s²'
+    """
+    words = re.sub(r"\b[a-z]{2,}(_[a-z]{2,})+\b", lambda match: signal_text(match.group()), text.strip())
+    words = re.sub(r"(?<=/s)2\b", "²", symbol_text(words))
+    words = re.sub(
+        r"(?<=\d)e([+-]?\d+)\b", lambda m: f"×10{str(int(m.group(1))).translate(_SUPERSCRIPTS)}", words
+    )
+    return re.sub(r"(?<![\w\]).])-(?=[\d.])", _MINUS, words)
 
 
 def sentence(text: str) -> str:
-    """Return running text as a sentence: signal names in words, a capital at the start, a full stop at the end."""
-    words = re.sub(r"\b[a-z]+(_[a-z]+)+\b", lambda match: signal_text(match.group()), text.strip())
-    return capital(words) + ("" if not words or words.endswith((".", "!", "?")) else ".")
+    """Return `prose` with a capital at the start and a full stop at the end."""
+    words = capital(prose(text))
+    return words + ("" if not words or words.endswith((".", "!", "?")) else ".")
 
 
 def capital(text: str) -> str:
-    """Return the text with a capital first letter, the rest as it is."""
-    return text[:1].upper() + text[1:]
+    """Return the text with a capital first letter (a Greek symbol stays as it is)."""
+    return text[:1].upper() + text[1:] if text[:1].isascii() else text
 
 
 def signal_text(name: str) -> str:
-    """Return the name of a signal or parameter as words: ``tire_deflection_front``, "front tire deflection"."""
+    """Return the name of a signal, parameter or index as words.
+
+    Examples
+    --------
+    >>> signal_text("tire_deflection_front"), signal_text("suspension_deflection_rear_peak")
+    ('front tire deflection', 'rear suspension deflection peak')
+    """
     words = name.split("_")
-    if words[-1] in ("front", "rear") and len(words) > 1:
-        words = [words[-1], *words[:-1]]
-    return " ".join(words)
+    where = [word for word in words if word in _PLACES] if len(words) > 1 else []
+    return " ".join([*where, *(_CAPITALS.get(word, word) for word in words if word not in where)])
+
+
+def formula_text(formula: str) -> str:
+    """Return a formula of plain letters with true minus signs and dots: ``-Lf*csf/mtf``."""
+    return formula.replace("-", _MINUS).replace("*", "·")
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from susp_ctrl.study.result import Design, StudyRun
@@ -19,18 +19,38 @@ def labels(run: StudyRun) -> dict[str, str]:
 
 def looks(designs: Iterable[Design]) -> dict[str, int]:
     """Return design label -> number of its look."""
+    return {label: number for label, (number, _) in _numbered(designs).items()}
+
+
+def _numbered(designs: Iterable[Design]) -> dict[str, tuple[int, str]]:
     counts: dict[str, int] = {}
-    result = {}
+    result: dict[str, tuple[int, str]] = {}
     for design in designs:
         numbers = _NUMBERS[design.role]
-        result[design.label] = numbers[counts.get(design.role, 0) % len(numbers)]
+        result[design.label] = (numbers[counts.get(design.role, 0) % len(numbers)], design.role)
         counts[design.role] = counts.get(design.role, 0) + 1
     return result
 
 
-def of_role(run: StudyRun, *roles: str) -> list[Design]:
-    """Return the designs of these roles, in the study's order."""
-    return [design for design in run.designs if design.role in roles]
+def history_looks(designs: Iterable[Design]) -> dict[str, dict[str, Any]]:
+    """Return design label -> line properties for time histories, where curves lie over one another.
+
+    The passive car is a broad light line in the background, published designs are broken and tuned ones thin solid
+    lines in front, in the colours and with the markers that they have everywhere.
+    """
+    from susp_ctrl.plotting import curve_style
+
+    result = {}
+    for label, (number, role) in _numbered(designs).items():
+        look = curve_style(number)
+        if role == "passive":
+            look |= {"color": "#B4B4B4", "linestyle": "-", "linewidth": 1.9}
+        elif role == "published":
+            look |= {"linestyle": (0, (3.5, 1.0)), "linewidth": 0.9}
+        else:
+            look |= {"linestyle": "-", "linewidth": 0.75}
+        result[label] = look
+    return result
 
 
 def subscript(number: int) -> str:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from susp_ctrl.report.blocks import Block, Column, Section, Table, Text
+from susp_ctrl.report.formatting import grouped, prose
 
 if TYPE_CHECKING:
     from susp_ctrl.study.result import AuditSection, StudyRun
 
+_LONGEST = 11
 _SIGNS = {
     "reproduced": "✓ reproduced",
     "not reproduced": "✗ not reproduced",
@@ -66,8 +68,8 @@ def audit_section(run: StudyRun) -> Section | None:
                     Column("matrix", "matrix"),
                     Column("row", "row", "integer"),
                     Column("column", "column", "integer"),
-                    Column("correct", "correct"),
-                    Column("printed", "as printed"),
+                    Column("correct", "correct", "formula"),
+                    Column("printed", "as printed", "formula"),
                     Column("correct_value", "correct value", "number", 5),
                     Column("printed_value", "printed value", "number", 5),
                 ),
@@ -76,12 +78,19 @@ def audit_section(run: StudyRun) -> Section | None:
     return Section("Published against computed", tuple(blocks))
 
 
+def _shortened(printed: str) -> str:
+    # The source prints roots with thirty digits; the CSV file holds them all.
+    text = grouped(printed) if printed[-1:].isdigit() and "e" not in printed else prose(printed)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+
+
 def _comparison(data: AuditSection) -> list[Block]:
     # The same evidence serves many numbers: it is set once, as a numbered list below the table.
     evidence = [text for text in dict.fromkeys(data.table["evidence"]) if text]
     numbers = {text: f"[{position}]" for position, text in enumerate(evidence, 1)}
     shown = data.table.assign(
         note=data.table["evidence"].map(numbers).fillna(""),
+        short=data.table["printed"].map(_shortened),
         percent=100.0 * data.table["relative_difference"],
     )
     table = Table(
@@ -91,7 +100,7 @@ def _comparison(data: AuditSection) -> list[Block]:
         shown=shown,
         columns=(
             Column("where", "where", "long"),
-            Column("printed", "printed"),
+            Column("short", "printed", "written"),
             Column("computed", "computed", "number", 5),
             Column("unit", "unit", "unit"),
             Column("percent", "difference (%)", "change"),

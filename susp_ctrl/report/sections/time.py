@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
-from susp_ctrl.report.formatting import exact_text, signal_text, unit_text
-from susp_ctrl.report.looks import labels, looks
+from susp_ctrl.report.formatting import capital, exact_text, signal_text, unit_text
+from susp_ctrl.report.looks import history_looks, labels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -36,8 +36,8 @@ def _case(run: StudyRun, case: TimeCase) -> list[Block]:
     histories = history_tables(case)
     return [
         Text(
-            f"{road}. {case.timepts[-1]:g} s from rest, exact delays.{pade} RMS values are taken on the finer step of "
-            f"the simulation; the files hold the histories every {case.timepts[1] - case.timepts[0]:g} s."
+            f"{capital(road)}. The record lasts {case.timepts[-1]:g} s.{pade} RMS values are taken on the finer step "
+            f"of the simulation; the files hold the histories every {case.timepts[1] - case.timepts[0]:g} s."
         ),
         Figure(
             key=f"road_{case.key}",
@@ -134,7 +134,7 @@ def _pairs(designs: list[str], changes: list[str]) -> list[str]:
 
 
 def history_tables(case: TimeCase) -> list[Table]:
-    """Return the histories of a case as tables, one per method: time, road (first only), and ``design.output`` columns."""
+    """Return the histories of a case as tables, one per method: time, road (once), ``design.output`` columns."""
     result: list[Table] = []
     for method in dict.fromkeys(method for _, method in case.histories):
         columns: dict[str, Any] = {"time_s": case.timepts}
@@ -228,7 +228,7 @@ def _draw_histories(run: StudyRun, case: TimeCase) -> MatplotlibFigure:
             overlay=pade,
             ylabel=unit_text(unit),
             scale=scale,
-            styles=looks(run.designs),
+            styles=history_looks(run.designs),
             legend=False,
             title=signal_text(output),
         )
