@@ -31,6 +31,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "susp_ctrl.ride": (
         "ride_indices",
         "stationary_rms",
+        "response_psd",
         "compare_indices",
         "iso2631_weighting",
         "weighted_history",

@@ -9,6 +9,7 @@ from __future__ import annotations
 from susp_ctrl.ride.comfort import comfort_bands
 from susp_ctrl.ride.indices import compare_indices, ride_indices
 from susp_ctrl.ride.signals import signal_unit
+from susp_ctrl.ride.spectra import response_psd
 from susp_ctrl.ride.stationary import stationary_rms
 from susp_ctrl.ride.weighting import iso2631_weighting, weighted_history
 
@@ -16,6 +17,7 @@ __all__ = [
     "comfort_bands",
     "compare_indices",
     "iso2631_weighting",
+    "response_psd",
     "ride_indices",
     "signal_unit",
     "stationary_rms",

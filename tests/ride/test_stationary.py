@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from susp_ctrl.delay_systems import FeedbackChannel, close_loop
 from susp_ctrl.delay_systems.simulation import simulate
 from susp_ctrl.errors import InputError, UnstableSystemError
-from susp_ctrl.ride import iso2631_weighting, ride_indices, stationary_rms
+from susp_ctrl.ride import iso2631_weighting, response_psd, ride_indices, stationary_rms
 from susp_ctrl.ride.quadrature import integrate_spectra
 from susp_ctrl.road import FilteredNoiseRoad, HarmonicRoad, RandomRoad, TwoTrackRoad
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
@@ -328,3 +328,35 @@ def test_exact_simulation_on_a_harmonic_road_reaches_its_steady_state():
     exact = values(stationary_rms(loop, road, LAGS))
     for name in (*SIX, "actuator_force_front", "actuator_force_rear"):
         assert found[name] == pytest.approx(exact[name], rel=1e-7), name
+
+
+@pytest.mark.analytical
+def test_response_psd_of_a_delayed_loop_equals_the_oracle():
+    road = RandomRoad(iso_class="C", speed=20.0)
+    omega = np.linspace(*road.band, 500)
+    table = response_psd(closed_half_car(), road, omega, LAGS)
+    h = oracles.ride_response(1j * omega, GAINS, DELAYS)
+    h = h[..., 0] + h[..., 1] * np.exp(-0.138j * omega)[:, None]
+    road_psd = 256e-6 * 0.01 * 20.0 / (omega / (2 * np.pi)) ** 2 / (2 * np.pi)
+    for k, name in enumerate(SIX):
+        expected = np.abs(h[:, k]) ** 2 * road_psd
+        np.testing.assert_allclose(table[name], expected, rtol=1e-9)
+    expected = np.abs(h[:, 0] * iso2631_weighting(omega, "Wk")) ** 2 * road_psd
+    np.testing.assert_allclose(table["body_acceleration_weighted"], expected, rtol=1e-9)
+    np.testing.assert_array_equal(table["omega"], omega)
+
+
+@pytest.mark.analytical
+def test_response_psd_integrates_to_the_rms():
+    road = RandomRoad(iso_class="C", speed=20.0)
+    plant, omega = HalfCar().plant(), np.geomspace(*road.band, 4001)
+    densities = response_psd(plant, road, omega, LAGS, seat_position=0.5)
+    rms = values(stationary_rms(plant, road, LAGS, seat_position=0.5))
+    for name in (*SIX, "seat_acceleration", "seat_acceleration_weighted"):
+        assert np.sqrt(np.trapezoid(densities[name], omega)) == pytest.approx(rms[name], rel=1e-4)
+    with pytest.raises(InputError, match="psd"):
+        response_psd(plant, HarmonicRoad(0.05, 7.0), omega, LAGS)
+    with pytest.raises(InputError, match="omega"):
+        response_psd(plant, road, [1.0, np.nan], LAGS)
+    with pytest.raises(UnstableSystemError):
+        response_psd(closed_half_car(gains=(-400e3, 0.0)), road, omega, LAGS)

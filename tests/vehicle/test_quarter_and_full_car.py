@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from susp_ctrl.delay_systems import FeedbackChannel, close_loop
 from susp_ctrl.errors import InputError
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
 
@@ -183,3 +184,32 @@ def test_stability_without_road():
     """Every passive vehicle with damping is stable."""
     for car in (QuarterCar(), HalfCar(), FullCar(), FullCar(anti_roll_stiffness_rear=1e4)):
         assert np.max(car.plant().poles().real) < 0
+
+
+@pytest.mark.analytical
+def test_four_delayed_channels_on_the_full_car_equal_two_on_the_half_car():
+    """Symmetric gains and delays, equal roads on both sides: heave and pitch of the closed half car."""
+    gains, delays = {"front": 19345.0, "rear": 26150.0}, {"front": 0.5530, "rear": 0.5186}
+
+    def closed(plant, suffixes):
+        return close_loop(
+            plant,
+            [
+                FeedbackChannel(
+                    f"unsprung_displacement_{end}{suffix}",
+                    f"force_{end}{suffix}",
+                    gain=gains[end],
+                    delay=delays[end],
+                )
+                for end in ("front", "rear")
+                for suffix in suffixes
+            ],
+        )
+
+    half_plant, full_plant = HalfCar().plant(), FullCar(anti_roll_stiffness_front=6e3).plant()
+    half = closed(half_plant, [""])(1j * OMEGA)
+    full = closed(full_plant, ["_left", "_right"])(1j * OMEGA)
+    for name in ("body_acceleration", "pitch_acceleration", "body_displacement"):
+        row, full_row = half_plant.output_labels.index(name), full_plant.output_labels.index(name)
+        for k, columns in enumerate(([0, 1], [2, 3])):
+            assert_equal_curves(full[full_row, columns].sum(axis=0), half[row, k])
