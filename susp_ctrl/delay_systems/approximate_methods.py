@@ -58,7 +58,7 @@ def approximation(
     if order is None:
         chosen: Any = _pade_choice(system, omega) if method == "pade" else _points_needed(system, omega)
     elif isinstance(order, Sequence | np.ndarray):
-        chosen = tuple(validation.integer("order", int(n) if isinstance(n, np.integer) else n, at_least=1) for n in order)
+        chosen = tuple(validation.integer("order", n, at_least=1) for n in order)
     else:
         chosen = validation.integer("order", order, at_least=1)
     if method == "pade":

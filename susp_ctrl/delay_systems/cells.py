@@ -98,8 +98,8 @@ class PlantCoordinates:
 
     def __init__(self, plant: Realization) -> None:
         n = plant.n_states
-        scale = np.ones(n)
-        balanced = plant.A
+        balanced: FloatArray = plant.A
+        scale: FloatArray = np.ones(n)
         if n:
             balanced, (scale, _) = scipy.linalg.matrix_balance(plant.A, permute=False, separate=True)
         values, vectors = np.linalg.eig(balanced) if n else (np.zeros(0), np.zeros((0, 0)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -130,7 +131,7 @@ def as_inputs(
             continue
         if np.ndim(value) == 0:
             constant = validation.number(label, value)
-            parts.append(Part(label, rows, lambda t, c=constant: np.full(np.shape(t), c)))
+            parts.append(Part(label, rows, partial(_constant, constant)))
             bandwidths.append(0.0)
             continue
         samples = _samples(label, value, len(rows), timepts)
@@ -148,17 +149,21 @@ def _given(inputs: Any, labels: Sequence[str], name: str) -> list[tuple[str, tup
     if inputs is None:
         return []
     if isinstance(inputs, Mapping):
-        found = []
+        found: list[tuple[str, tuple[int, ...], Any]] = []
         for key, value in inputs.items():
             row = validation.signal_index(name, key, labels)
             found.append((f"{name}[{key!r}]", (row,), value))
-        rows = [row for _, (row,), _ in found]
+        rows = [at[0] for _, at, _ in found]
         if len(set(rows)) != len(rows):
             raise InputError(f"{name} gives input {labels[max(rows, key=rows.count)]!r} twice")
         return found
     if len(labels) == 0:
         raise InputError(f"{name} is given, but the system has no inputs")
     return [(name, tuple(range(len(labels))), inputs)]
+
+
+def _constant(value: float, times: FloatArray) -> FloatArray:
+    return np.asarray(value)
 
 
 def _lines(label: str, value: Any) -> Lines | None:
@@ -180,7 +185,9 @@ def _evaluate(part: Part, times: FloatArray) -> NDArray[np.float64]:
         values = np.full((rows, times.size), float(values))
     if values.shape != (rows, times.size):
         wanted = f"({times.size},)" if rows == 1 else f"({rows}, {times.size})"
-        raise InputError(f"{part.name} returns shape {values.shape} for {times.size} times: {wanted} is needed")
+        raise InputError(
+            f"{part.name} returns shape {values.shape} for {times.size} times: {wanted} is needed"
+        )
     if not np.all(np.isfinite(values)):
         bad = int(np.flatnonzero(~np.isfinite(values).all(axis=0))[0])
         raise InputError(f"{part.name} is not finite at t = {times[bad]:g} s: finite numbers are needed")

@@ -12,8 +12,7 @@ every input and every delayed signal without its two highest coefficients; the d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.signal
@@ -23,6 +22,7 @@ from susp_ctrl.delay_systems.folding import FoldedLoop
 from susp_ctrl.delay_systems.input_signals import Inputs
 from susp_ctrl.delay_systems.kinks import propagated_kinks
 from susp_ctrl.delay_systems.lft import FloatArray
+from susp_ctrl.delay_systems.run import Past, Run
 
 _EPS = float(np.finfo(float).eps)
 _NODES = 24
@@ -30,44 +30,6 @@ _FEW_NODES = (6, 8, 12, 16, 24)
 _MOST_CELLS = 64  # cells of a panel in smooth stretches
 _MOST_VALUES = 1_500_000  # values of one signal group in a panel: bounds the memory
 _SMALLEST = 2.0**-16  # cells are not refined below this fraction of the first length
-
-
-@dataclass(frozen=True)
-class Past:
-    """What happened before the start of a run.
-
-    Attributes
-    ----------
-    start : float
-        Time at which the run begins.
-    state : ndarray, shape (n_states, cases)
-        State at the start.
-    delayed : callable or None
-        ``times -> z (channels, times, cases)`` before the start; None for zero.
-    kinks : tuple of float
-        Times at which the delayed signals are not smooth, the start included where history and run do not fit.
-    """
-
-    start: float
-    state: FloatArray
-    delayed: Callable[[FloatArray], FloatArray] | None = None
-    kinks: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class Run:
-    """A finished run: samples of all signals, error estimate, and the memory to go on from.
-
-    Arrays have shape (signals, times, cases); `error` has shape (outputs, cases) and is absolute.
-    """
-
-    outputs: FloatArray
-    states: FloatArray
-    inputs: FloatArray
-    error: FloatArray
-    peak: FloatArray
-    past: Past
-    cells: int
 
 
 class _Refine(Exception):  # noqa: N818  a signal between panel and march, never seen outside
@@ -102,7 +64,7 @@ def run_exact(
     for _ in range(3):
         march = _March(loop, inputs, timepts, past, rtol, tolerance)
         run = march.run()
-        worst = float(np.max(run.error / np.maximum(run.peak, np.finfo(float).tiny), initial=0.0))
+        worst = float(np.max(run.relative_error, initial=0.0))
         if worst <= rtol or tolerance <= 1e-15:
             break
         tolerance = max(1e-16, 0.1 * tolerance * rtol / worst)
@@ -167,7 +129,9 @@ class _March:
         if many.size > 200:
             step = float(np.median(np.diff(many)))
             enough = (
-                n for n in _FEW_NODES if gauss_rule(n).phase_resolved(self.tolerance) >= 0.5 * self.omega * step
+                n
+                for n in _FEW_NODES
+                if gauss_rule(n).phase_resolved(self.tolerance) >= 0.5 * self.omega * step
             )
             self.rule = gauss_rule(next(enough, _NODES))
         self.length = 2.0 * self.rule.phase_resolved(self.tolerance) / self.omega
@@ -262,7 +226,11 @@ class _March:
         forcing += np.tensordot(c.B2, w, axes=1).reshape(r, N, P * m)
         at_nodes, _ = operator.response.respond(forcing, (xi[:r] + 1j * xi[r:]).reshape(r, P * m))
         x = np.tensordot(c.back, at_nodes, axes=1).real.reshape(-1, N, P, m)
-        y = np.tensordot(plant.C1, x, axes=1) + np.tensordot(plant.D11, U, axes=1) + np.tensordot(plant.D12, w, axes=1)
+        y = (
+            np.tensordot(plant.C1, x, axes=1)
+            + np.tensordot(plant.D11, U, axes=1)
+            + np.tensordot(plant.D12, w, axes=1)
+        )
 
         full = slice(0, cases)
         y_peak = np.maximum(self.peak, np.max(np.abs(y[..., full]), axis=(1, 2), initial=0.0))
@@ -273,7 +241,9 @@ class _March:
         size = np.abs(xi_end[:r] + 1j * xi_end[r:]), np.max(np.abs(xi[:r] + 1j * xi[r:]), axis=1, initial=0.0)
         x_size = np.abs(c.back) @ np.maximum(*size)[:, full] + x_peak
         z_size = abs(plant.C2) @ x_size + abs(plant.D21) @ u_peak + abs(plant.D22) @ w_peak
-        y_size = abs(plant.C1) @ x_size + abs(plant.D11) @ u_peak + abs(plant.D12) @ np.maximum(z_size, w_peak)
+        y_size = (
+            abs(plant.C1) @ x_size + abs(plant.D11) @ u_peak + abs(plant.D12) @ np.maximum(z_size, w_peak)
+        )
         worst = self._check(self._tails(y[..., full]), y_peak, noise * y_size, worst)
         worst = self._check(self._tails(z[..., full]), z_peak, noise * z_size, worst)
 
@@ -304,7 +274,12 @@ class _March:
         return max(worst, largest)
 
     def _march_cells(
-        self, starts: FloatArray, length: float, offsets: FloatArray, operator: CellOperator, given: FloatArray
+        self,
+        starts: FloatArray,
+        length: float,
+        offsets: FloatArray,
+        operator: CellOperator,
+        given: FloatArray,
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """March through a panel: delayed signals w, coordinates at the cells' starts, z, coordinates at the end."""
         P, N, K, m, r = starts.size, self.N, self.K, 2 * self.cases, self.coordinates.size

@@ -21,10 +21,13 @@ from susp_ctrl.delay_systems.approximate_methods import approximation
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.input_signals import Inputs, as_inputs
 from susp_ctrl.delay_systems.lft import FloatArray, Realization
-from susp_ctrl.delay_systems.method_of_steps import Past, Run, run_exact
+from susp_ctrl.delay_systems.method_of_steps import run_exact
+from susp_ctrl.delay_systems.reference_method import run_reference
+from susp_ctrl.delay_systems.run import Past, Run
 from susp_ctrl.errors import InputError
 
-_METHODS = ("exact", "pade", "spectral")
+_METHODS = ("exact", "reference", "pade", "spectral")
+_DELAYS_EXACT = ("exact", "reference")
 
 
 class SimulationResponse(control.TimeResponseData):
@@ -74,8 +77,9 @@ def simulate(
         or an array (n_inputs, n_times); or a callable ``t -> (n_inputs, len(t))``. Inputs are zero for t < 0.
         A callable may carry the attributes ``breakpoints`` (times of its kinks and jumps, s), ``bandwidth``
         (rad/s) and ``sines`` = (omegas, amplitudes, phases), meaning ``sum a sin(omega t + phi)`` for all t.
-    method : {"exact", "pade", "spectral"}
-        Exact delays; or ``sys.pade(order)``; or a spectral line for each delay.
+    method : {"exact", "reference", "pade", "spectral"}
+        Exact delays, fast, or slowly and by an independent method to about 1e-12; ``sys.pade(order)``; or a
+        spectral line for each delay.
     order : int or sequence of int, optional
         Order of the approximation, for all delays or one for each of ``sys.delays``; by default chosen for the
         input's bandwidth and the plant's natural frequencies.
@@ -125,15 +129,22 @@ def simulate(
     validation.one_of("hold", hold, ("linear", "zero"))
     validation.number("rtol", rtol, at_least=1e-13, at_most=1e-2)
     signals = as_inputs(inputs, system.input_labels, times, hold, breakpoints)
-    if method != "exact":
+    if method not in _DELAYS_EXACT:
         if history is not None:
-            raise InputError(f"history is not allowed with method = {method!r}: its delays have no history but zero")
+            raise InputError(
+                f"history is not allowed with method = {method!r}: its delays have no history but zero"
+            )
         system, order = _approximated(system, method, order, signals)
     elif order is not None:
-        raise InputError(f"order = {order!r} is not allowed with method = 'exact': exact delays have no order")
+        raise InputError(
+            f"order = {order!r} is not allowed with method = {method!r}: exact delays have no order"
+        )
     past = past_of(system, history)
     _check_start(times, past, signals)
-    run = run_exact(system.folded, [signals], times, past, rtol)
+    if method == "reference":
+        run = run_reference(system.folded, [signals], times, past)
+    else:
+        run = run_exact(system.folded, [signals], times, past, rtol)
     return _response(system, times, run, method, order, rtol)
 
 
@@ -150,7 +161,9 @@ def past_of(system: DelayLTI, history: Any) -> Past:
     if isinstance(history, SimulationResponse):
         past = getattr(history, "past", None)
         if past is None or past.state.shape[0] != n:
-            raise InputError("history cannot be continued: the response of an exact run of this system is needed")
+            raise InputError(
+                "history cannot be continued: the response of an exact run of this system is needed"
+            )
         return past
     if callable(history):
         state = _history_values(history, np.zeros(1), n)
@@ -158,11 +171,11 @@ def past_of(system: DelayLTI, history: Any) -> Past:
         function: Callable[[FloatArray], FloatArray] = lambda t: _history_values(history, t, n)  # noqa: E731
         return Past(0.0, state, _delayed_before(system, function), (*kinks.tolist(), 0.0))
     if isinstance(history, str):
-        raise InputError(f"history = {history!r} is not allowed: None, an array, a callable or a response is needed")
+        raise InputError(
+            f"history = {history!r} is not allowed: None, an array, a callable or a response is needed"
+        )
     constant = validation.vector("history", history, size=n)[:, None]
-    return Past(
-        0.0, constant, _delayed_before(system, lambda t: np.repeat(constant, t.size, axis=1)), (0.0,)
-    )
+    return Past(0.0, constant, _delayed_before(system, lambda t: np.repeat(constant, t.size, axis=1)), (0.0,))
 
 
 def _history_values(history: Any, times: FloatArray, n: int) -> FloatArray:
@@ -199,7 +212,11 @@ def _z_before(
 
 
 def _z_row_before(
-    plant: Realization, delays: FloatArray, state: Callable[[FloatArray], FloatArray], times: FloatArray, row: int
+    plant: Realization,
+    delays: FloatArray,
+    state: Callable[[FloatArray], FloatArray],
+    times: FloatArray,
+    row: int,
 ) -> FloatArray:
     z = plant.C2[row] @ state(times)
     for k in np.flatnonzero(plant.D22[row]):
@@ -209,7 +226,9 @@ def _z_row_before(
 
 def _check_start(times: FloatArray, past: Past, signals: Inputs) -> None:
     if times[0] < past.start:
-        raise InputError(f"timepts[0] = {times[0]:g} is not allowed: the run in history ended at {past.start:g} s")
+        raise InputError(
+            f"timepts[0] = {times[0]:g} is not allowed: the run in history ended at {past.start:g} s"
+        )
     if signals.knots is not None and times[0] > past.start:
         raise InputError(
             f"timepts[0] = {times[0]:g} is not allowed: input arrays must begin at t = {past.start:g} s"
@@ -233,9 +252,9 @@ def _response(
     )
     response.error_estimate = run.error[:, 0]
     response.method, response.order, response.past = method, order, run.past
-    late = run.error[:, 0] > rtol * np.maximum(run.peak[:, 0], np.finfo(float).tiny)
-    if np.any(late):
-        worst = int(np.argmax(run.error[:, 0] / np.maximum(run.peak[:, 0], np.finfo(float).tiny)))
+    relative = run.relative_error[:, 0]
+    if np.any(relative > rtol):
+        worst = int(np.argmax(relative))
         warnings.warn(
             f"the estimated error {run.error[worst, 0]:.2g} of {system.output_labels[worst]} exceeds rtol = {rtol:g} "
             f"of its peak {run.peak[worst, 0]:.2g}: an input may have kinks that are not announced (breakpoints)",
