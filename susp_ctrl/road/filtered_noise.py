@@ -11,14 +11,14 @@ from scipy.signal import lfilter
 
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError
-from susp_ctrl.road.iso8608 import REFERENCE_WAVENUMBER, class_mean
-from susp_ctrl.road.signals import Road, RoadSignal
+from susp_ctrl.road.iso8608 import REFERENCE_WAVENUMBER, class_and_level
+from susp_ctrl.road.signals import RoadSignal, SpectralRoad
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FilteredNoiseRoad(Road):
+class FilteredNoiseRoad(SpectralRoad):
     """Random road q' = -2 pi n00 v q + 2 pi n0 sqrt(G_d(n0) v) w(t), w white noise of one-sided PSD 1.
 
     Its spatial PSD is G_d(n0) n0^2/(n^2 + n00^2): ISO 8608 with waviness 2 above the cut-off n00, flat below.
@@ -74,11 +74,8 @@ class FilteredNoiseRoad(Road):
         for name in ("speed", "length", "step", "n_cut"):
             object.__setattr__(self, name, validation.number(name, getattr(self, name), above=0.0))
         object.__setattr__(self, "lead", validation.number("lead", self.lead, at_least=0.0))
-        if self.g_d is None:
-            level = class_mean(self.iso_class)
-        else:
-            level = validation.number("g_d", self.g_d, above=0.0)
-            object.__setattr__(self, "iso_class", None)
+        iso_class, level = class_and_level(self.iso_class, self.g_d)
+        object.__setattr__(self, "iso_class", iso_class)
         object.__setattr__(self, "density_at_n0", level)
         # two samples more at either end keep the spline's end conditions off the road that is used
         behind, ahead = (int(np.ceil(reach / self.step)) + 2 for reach in (self.lead, self.length))
@@ -118,11 +115,6 @@ class FilteredNoiseRoad(Road):
         """Return the one-sided displacement PSD of the process (m3) at wavenumbers n (cycle/m)."""
         n = np.asarray(n, dtype=float)
         return np.asarray(self.density_at_n0 * REFERENCE_WAVENUMBER**2 / (n**2 + self.n_cut**2))
-
-    def psd(self, omega: ArrayLike) -> FloatArray:
-        """Return the one-sided displacement PSD of the process (m2/(rad/s)) at omega (rad/s)."""
-        per_wavenumber = 2 * np.pi * self.speed
-        return self.spatial_psd(np.asarray(omega, dtype=float) / per_wavenumber) / per_wavenumber
 
     def rms(self) -> float:
         """Return the RMS elevation sigma (m) of the process."""

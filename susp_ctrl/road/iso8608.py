@@ -76,15 +76,18 @@ class Iso8608Spectrum:
         return np.asarray(self.g_d * REFERENCE_WAVENUMBER**self.waviness * integral)
 
 
-def class_mean(iso_class: str | None) -> float:
-    """Return G_d(n0) (m3) of a class A to H.
+def class_and_level(iso_class: str | None, g_d: float | None) -> tuple[str | None, float]:
+    """Return (class, G_d(n0) in m3): the class with its mean, or no class with the level given.
 
     Raises
     ------
     InputError
-        If there is no such class.
+        If no level is given and there is no such class, or the level is not positive.
     """
-    return ISO_8608_CLASSES[validation.one_of("iso_class", iso_class, ISO_8608_CLASSES)]
+    if g_d is not None:
+        return None, validation.number("g_d", g_d, above=0.0)
+    name = validation.one_of("iso_class", iso_class, ISO_8608_CLASSES)
+    return name, ISO_8608_CLASSES[name]
 
 
 def nearest_class(g_d: float) -> str:

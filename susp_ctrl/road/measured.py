@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Self
 
@@ -16,7 +17,7 @@ from scipy.signal import welch
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError
 from susp_ctrl.road.iso8608 import REFERENCE_WAVENUMBER, Iso8608Spectrum
-from susp_ctrl.road.signals import Road, RoadSignal
+from susp_ctrl.road.signals import RoadSignal, SpectralRoad
 
 FloatArray = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ _SEGMENTS = 8  # of the Welch estimate, before overlap
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MeasuredRoad(Road):
+class MeasuredRoad(SpectralRoad):
     """Measured profile z(x) met at constant speed: x_g(t) = z(v t) - z(0).
 
     The record starts under the wheel at t = lag. Its first elevation is the datum, so that the road begins
@@ -127,7 +128,7 @@ class MeasuredRoad(Road):
     @property
     def band(self) -> tuple[float, float]:
         """Angular frequencies (rad/s) that the PSD estimate resolves at this speed."""
-        n, _ = self._welch()
+        n, _ = self._welch
         return 2 * np.pi * self.speed * float(n[0]), 2 * np.pi * self.speed * float(n[-1])
 
     def signal(self, lag: float = 0.0) -> RoadSignal:
@@ -147,6 +148,7 @@ class MeasuredRoad(Road):
         place = np.clip(self.speed * t, 0.0, x[-1])
         return np.interp(place, x, z) if self._spline is None else np.asarray(self._spline(place))
 
+    @cached_property
     def _welch(self) -> tuple[FloatArray, FloatArray]:
         """Return wavenumbers (cycle/m, without 0) and the one-sided PSD (m3) of the evenly resampled record."""
         x, z = self.samples
@@ -163,17 +165,13 @@ class MeasuredRoad(Road):
 
     def spatial_psd(self, n: ArrayLike) -> FloatArray:
         """Return Welch's estimate of the one-sided displacement PSD (m3) at n (cycle/m), zero off its band."""
-        known, density = self._welch()
+        known, density = self._welch
         n = np.asarray(n, dtype=float)
-        # interpolated in log-log, where road spectra are straight
-        tiny = np.finfo(float).tiny
-        logs = np.interp(np.log(np.maximum(n, tiny)), np.log(known), np.log(np.maximum(density, tiny)))
-        return np.where((n >= known[0] * (1 - 1e-12)) & (n <= known[-1] * (1 + 1e-12)), np.exp(logs), 0.0)
-
-    def psd(self, omega: ArrayLike) -> FloatArray:
-        """Return Welch's estimate of the one-sided displacement PSD (m2/(rad/s)) at omega (rad/s)."""
-        per_wavenumber = 2 * np.pi * self.speed
-        return self.spatial_psd(np.asarray(omega, dtype=float) / per_wavenumber) / per_wavenumber
+        inside = (n >= known[0] * (1 - 1e-12)) & (n <= known[-1] * (1 + 1e-12))
+        # the slope spectrum n^2 G_d is nearly flat on a road, so straight lines between its estimates keep
+        # the power
+        place = np.where(inside, n, known[0])
+        return np.where(inside, np.interp(place, known, known**2 * density) / place**2, 0.0)
 
     def rms(self) -> float:
         """Return the RMS elevation (m) about the mean of the record, by distance."""
@@ -192,7 +190,7 @@ class MeasuredRoad(Road):
             If fewer than three bands hold an estimate.
         """
         wanted = Iso8608Spectrum(g_d=1.0, n_min=n_min, n_max=n_max)
-        n, density = self._welch()
+        n, density = self._welch
         inside = (n >= wanted.n_min) & (n <= wanted.n_max) & (density > 0)
         n, density = n[inside], density[inside]
         band = np.floor(3 * np.log2(n / wanted.n_min)).astype(int)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl import validation
-from susp_ctrl.road.iso8608 import Iso8608Spectrum, class_mean
-from susp_ctrl.road.signals import Lines, Road, RoadSignal
+from susp_ctrl.road.iso8608 import Iso8608Spectrum, class_and_level
+from susp_ctrl.road.signals import Lines, RoadSignal, SpectralRoad
 from susp_ctrl.road.sine_sum import sine_sum
 
 FloatArray = NDArray[np.float64]
@@ -33,7 +33,7 @@ def _at_times(lines: Lines, t: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RandomRoad(Road):
+class RandomRoad(SpectralRoad):
     """Random road of ISO 8608 met at constant speed, as a sum of sines that exists for all t (also t < 0).
 
     ::
@@ -111,10 +111,9 @@ class RandomRoad(Road):
 
         keep("speed", validation.number("speed", self.speed, above=0.0))
         keep("bins", validation.integer("bins", self.bins, at_least=1))
-        if self.g_d is not None:
-            keep("iso_class", None)
-        g_d = class_mean(self.iso_class) if self.g_d is None else self.g_d
-        spectrum = Iso8608Spectrum(g_d=g_d, waviness=self.waviness, n_min=self.n_min, n_max=self.n_max)
+        iso_class, level = class_and_level(self.iso_class, self.g_d)
+        keep("iso_class", iso_class)
+        spectrum = Iso8608Spectrum(g_d=level, waviness=self.waviness, n_min=self.n_min, n_max=self.n_max)
         keep("spectrum", spectrum)
         edges = np.geomspace(spectrum.n_min, spectrum.n_max, self.bins + 1)
         keep("edges", edges)
@@ -136,14 +135,6 @@ class RandomRoad(Road):
     def spatial_psd(self, n: ArrayLike) -> FloatArray:
         """Return the one-sided displacement PSD G_d(n) (m3) at wavenumbers n (cycle/m), zero off the band."""
         return self.spectrum.density(n)
-
-    def psd(self, omega: ArrayLike) -> FloatArray:
-        """Return the one-sided displacement PSD (m2/(rad/s)) at omega (rad/s), zero off the band.
-
-        G(omega) = G_d(n)/(2 pi v) with n = omega/(2 pi v); its integral over omega > 0 is the variance.
-        """
-        per_wavenumber = 2 * np.pi * self.speed
-        return self.spectrum.density(np.asarray(omega, dtype=float) / per_wavenumber) / per_wavenumber
 
     def rms(self) -> float:
         """Return the RMS elevation (m), from the closed form of the band integral."""

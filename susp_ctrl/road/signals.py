@@ -101,6 +101,24 @@ class Road(ABC):
         return {name: self.signal(lag) for name, lag in checked_lags(lags).items()}
 
 
+class SpectralRoad(Road):
+    """Base of the roads that are met at a constant speed and have a power spectral density."""
+
+    speed: float
+
+    @abstractmethod
+    def spatial_psd(self, n: ArrayLike) -> FloatArray:
+        """Return the one-sided displacement PSD G_d(n) (m3) at wavenumbers n (cycle/m)."""
+
+    def psd(self, omega: ArrayLike) -> FloatArray:
+        """Return the one-sided displacement PSD (m2/(rad/s)) at omega (rad/s).
+
+        G(omega) = G_d(n)/(2 pi v) with n = omega/(2 pi v); its integral over omega > 0 is the variance.
+        """
+        per_wavenumber = 2 * np.pi * self.speed
+        return self.spatial_psd(np.asarray(omega, dtype=float) / per_wavenumber) / per_wavenumber
+
+
 def checked_lags(lags: Mapping[str, float]) -> dict[str, float]:
     """Return the lags as floats by input name, at least one of them."""
     if not isinstance(lags, Mapping) or not lags:

@@ -8,7 +8,6 @@ from typing import ClassVar, Self
 import control
 import numpy as np
 
-from susp_ctrl import validation
 from susp_ctrl.vehicle.half_car import HalfCar
 from susp_ctrl.vehicle.mechanics import (
     GRAVITY,
@@ -16,7 +15,7 @@ from susp_ctrl.vehicle.mechanics import (
     FloatArray,
     Output,
     Tire,
-    ValidatedFields,
+    TwoAxles,
     state_space,
     suspension_matrices,
 )
@@ -25,7 +24,7 @@ _WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
 
 @dataclass(frozen=True, kw_only=True)
-class FullCar(ValidatedFields):
+class FullCar(TwoAxles):
     """Full car with seven degrees of freedom q = [x_fl, x_fr, x_rl, x_rr, x_c, phi, theta].
 
     The suspension above a wheel at distance a behind the centre of mass (a = -Lf or Lr) and b to its left
@@ -131,26 +130,6 @@ class FullCar(ValidatedFields):
             track_rear=track_front if track_rear is None else track_rear,
             **shared,
         )
-
-    @property
-    def wheelbase(self) -> float:
-        """Distance between the axles (m)."""
-        return self.axle_distance_front + self.axle_distance_rear
-
-    def axle_lag(self, speed: float) -> float:
-        """Return the time (Lf + Lr)/v after which the rear axle meets the road of the front axle.
-
-        Parameters
-        ----------
-        speed : float
-            v (m/s), positive.
-
-        Raises
-        ------
-        InputError
-            If the speed is not a positive number.
-        """
-        return self.wheelbase / validation.number("speed", speed, above=0.0)
 
     @property
     def tires(self) -> tuple[Tire, ...]:

@@ -8,7 +8,6 @@ from typing import ClassVar
 import control
 import numpy as np
 
-from susp_ctrl import validation
 from susp_ctrl.errors import InputError
 from susp_ctrl.vehicle.mechanics import (
     GRAVITY,
@@ -16,7 +15,7 @@ from susp_ctrl.vehicle.mechanics import (
     FloatArray,
     Output,
     Tire,
-    ValidatedFields,
+    TwoAxles,
     state_space,
     suspension_matrices,
 )
@@ -27,7 +26,7 @@ _AXLES = ("front", "rear")
 
 
 @dataclass(frozen=True, kw_only=True)
-class HalfCar(ValidatedFields):
+class HalfCar(TwoAxles):
     r"""Half car with four degrees of freedom q = [x_tf, x_tr, x_c, phi].
 
     With the suspension deflections d_f q = x_c - Lf phi - x_tf and d_r q = x_c + Lr phi - x_tr::
@@ -101,26 +100,6 @@ class HalfCar(ValidatedFields):
         super().__post_init__()
         if self.seat is not None and not isinstance(self.seat, Seat):
             raise InputError(f"HalfCar.seat = {self.seat!r} is not allowed: a Seat or None is needed")
-
-    @property
-    def wheelbase(self) -> float:
-        """Distance between the axles, Lf + Lr (m)."""
-        return self.axle_distance_front + self.axle_distance_rear
-
-    def axle_lag(self, speed: float) -> float:
-        """Return the time (Lf + Lr)/v after which the rear axle meets the road of the front axle.
-
-        Parameters
-        ----------
-        speed : float
-            v (m/s), positive.
-
-        Raises
-        ------
-        InputError
-            If the speed is not a positive number.
-        """
-        return self.wheelbase / validation.number("speed", speed, above=0.0)
 
     @property
     def tires(self) -> tuple[Tire, ...]:

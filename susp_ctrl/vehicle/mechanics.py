@@ -72,6 +72,38 @@ class ValidatedFields:
         return type(self)(**{**current, **changes})
 
 
+class TwoAxles(ValidatedFields):
+    """Mixin of vehicles with a front and a rear axle."""
+
+    axle_distance_front: float
+    axle_distance_rear: float
+
+    @property
+    def wheelbase(self) -> float:
+        """Distance between the axles, Lf + Lr (m)."""
+        return self.axle_distance_front + self.axle_distance_rear
+
+    def axle_lag(self, speed: float) -> float:
+        """Return the time (Lf + Lr)/v after which the rear axle meets the road of the front axle.
+
+        Parameters
+        ----------
+        speed : float
+            v (m/s), positive.
+
+        Returns
+        -------
+        float
+            Seconds.
+
+        Raises
+        ------
+        InputError
+            If the speed is not a positive number.
+        """
+        return self.wheelbase / validation.number("speed", speed, above=0.0)
+
+
 @dataclass(frozen=True)
 class Coordinates:
     """Named generalised coordinates q: turns ``{"body": 1, "pitch": -Lf}`` into a row."""
