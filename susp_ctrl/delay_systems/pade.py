@@ -90,7 +90,7 @@ def pade_approximation(
     orders = _orders(sys, order)
     if omega_max is not None:
         _warn_if_low(sys, orders, validation.number("omega_max", omega_max, above=0.0))
-    bank = _pade_bank(orders, sys)
+    bank = pade_bank(orders, sys)
     names = [f"pade[{k}][{j}]" for k, n in enumerate(_channel_orders(sys, orders)) for j in range(n)]
     return close_bank(sys, bank, names)
 
@@ -288,7 +288,7 @@ def _channel_orders(sys: DelayLTI, orders: tuple[int, ...]) -> np.ndarray:
     return np.where(_at_work(sys), np.repeat(orders, sys.widths), 0).astype(int)
 
 
-def _pade_bank(orders: tuple[int, ...], sys: DelayLTI) -> DelayBank:
+def pade_bank(orders: tuple[int, ...], sys: DelayLTI) -> DelayBank:
     parts = []
     for n, tau, gain in zip(_channel_orders(sys, orders), sys.channel_delays, sys.channel_gains, strict=True):
         if n == 0:

@@ -171,3 +171,35 @@ def test_relative_error_by_hand():
 def test_wrong_arguments_are_named(arguments, name):
     with pytest.raises(sc.InputError, match=name):
         sc.compare_pade(scalar_loop(), *arguments)
+
+
+@pytest.mark.analytical
+def test_time_error_of_a_smooth_pulse_in_closed_form():
+    """A pure delay of a Gaussian pulse: the exact output is known, Padé through python-control beside it."""
+    tau, width = 0.55, 0.2
+    t = np.linspace(0.0, 3.0, 3001)
+
+    def pulse(time):
+        return np.exp(-((time - 1.2) ** 2) / (2 * width**2))
+
+    table = sc.compare_pade(sc.delay(tau), [2, 4, 16], [1.0, 5.0], timepts=t, inputs={"u[0]": pulse})
+    exact = pulse(t - tau)
+    for order, error in zip(table["order"], table["time_error"], strict=True):
+        through_control = ct.forced_response(sc.delay(tau).pade(order), t, pulse(t)).outputs
+        expected = np.abs(through_control - exact).max() / exact.max()
+        # sampled input of python-control, and the pulse's start at 1e-8
+        assert error == pytest.approx(expected, rel=1e-3, abs=1e-5)
+    assert table["time_error"].iloc[0] > 1e-2
+    assert table["time_error"].iloc[-1] < 1e-5
+    assert table["spectral_time_error"].iloc[-1] < table["spectral_time_error"].iloc[0]
+
+
+@pytest.mark.analytical
+def test_time_error_of_the_half_car_falls_with_the_order():
+    loop = half_car_loop((19345.0, 26150.0), (0.553, 0.5186))
+    t = np.linspace(0.0, 4.0, 401)
+    inputs = {"road_front": lambda time: 0.05 * np.sin(7 * time) ** 4}
+    table = sc.compare_pade(loop, [3, 8, 20], [1.0, 5.0], timepts=t, inputs=inputs)
+    assert np.all(np.diff(table["time_error"]) < 0)
+    assert table["time_error"].iloc[0] > 0.05
+    assert table["time_error"].iloc[-1] < 0.02
