@@ -61,6 +61,8 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "steady_response",
         "compare_pade",
         "pade_order",
+        "spectral_approximation",
+        "stability_margins",
         "root_locus",
     ),
     "susp_ctrl.tuning": (

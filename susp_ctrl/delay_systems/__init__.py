@@ -15,6 +15,7 @@ from susp_ctrl.delay_systems.delay_independence import (
 )
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.discretization import spectral_approximation
+from susp_ctrl.delay_systems.margins import StabilityMargins, stability_margins
 from susp_ctrl.delay_systems.norms import h2_norm, hinf_norm, output_rms
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
 from susp_ctrl.delay_systems.root_locus import RootLocus, root_locus
@@ -31,6 +32,7 @@ __all__ = [
     "FeedbackChannel",
     "RootLocus",
     "SimulationResponse",
+    "StabilityMargins",
     "StabilityVerdict",
     "append",
     "characteristic_roots",
@@ -57,5 +59,6 @@ __all__ = [
     "spectral_abscissa",
     "spectral_approximation",
     "stability",
+    "stability_margins",
     "sweep_delays",
 ]

@@ -289,6 +289,7 @@ def _channel_orders(sys: DelayLTI, orders: tuple[int, ...]) -> np.ndarray:
 
 
 def pade_bank(orders: tuple[int, ...], sys: DelayLTI) -> DelayBank:
+    """Return the Padé cascades of all delayed signals, gains included; delay-free ones pass directly."""
     parts = []
     for n, tau, gain in zip(_channel_orders(sys, orders), sys.channel_delays, sys.channel_gains, strict=True):
         if n == 0:
