@@ -34,7 +34,9 @@ from susp_ctrl.errors import InputError
 # Largest matrix whose eigenvalues are computed (about a second), and most roots that may be asked for.
 _LARGEST_SIZE = 1200
 _MOST_ROOTS = 1000
-_ATTEMPTS = 6
+_ATTEMPTS = 7
+# Angle |s| tau (rad) that the first discretisation resolves at most, where the order is checked afterwards.
+_FIRST_ANGLE = 150.0
 
 
 class RootSet(NamedTuple):
@@ -49,6 +51,11 @@ class RootSet(NamedTuple):
     uncertainties: FloatArray
     complete: bool | None
     size: int
+
+    @property
+    def largest(self) -> bool:
+        """Whether the discretisation was as large as is allowed."""
+        return self.size > 0.98 * _LARGEST_SIZE
 
     def first(self, number: int) -> RootSet:
         """Keep the first roots only."""
@@ -149,7 +156,12 @@ def rightmost_roots(
     """
     if K.n_channels == 0:
         return _without_delay(K, count)
-    radius = refinement * max(K.root_bound, 1.6 * count / float(K.delays.max()))
+    longest = float(K.delays.max())
+    radius = refinement * K.root_bound
+    if verify:
+        # rightmost roots of a loop with long delays are slow ones: try those first
+        radius = min(radius, _FIRST_ANGLE / longest)
+    radius = max(radius, 1.6 * count / longest)
     margin = 4
     found = _nothing()
     for attempt in range(_ATTEMPTS):
@@ -167,9 +179,9 @@ def rightmost_roots(
             return found.first(end)._replace(complete=True)
         if attempt == 1 and not _delays_move_roots(K):
             return _without_delay(K, count)
-        if size >= _LARGEST_SIZE:
+        if found.largest:
             break
-        radius, margin = 1.6 * radius, 2 * margin
+        radius, margin = 1.8 * radius, 2 * margin
     end, _ = _gap_after(found, count)
     return found.first(end)._replace(complete=False)
 
@@ -199,7 +211,7 @@ def roots_right_of(K: CharacteristicMatrix, line: float) -> RootSet:
         if attempt == 1 and not _delays_move_roots(K):
             rest = _without_delay(K, K.n_states)
             return rest.first(int(np.sum(rest.roots.real > line)))
-        if size >= _LARGEST_SIZE:
+        if found.largest:
             break
         radius *= 1.6
     return found.first(int(np.sum(found.roots.real > line)))._replace(complete=False)
@@ -236,9 +248,11 @@ def _all_of(refined: RefinedRoots, size: int) -> RootSet:
 def _gap_after(found: RootSet, count: int) -> tuple[int, float | None]:
     """Where the first `count` roots end (pairs whole), and a line in a gap at or after that, if there is one."""
     roots = found.roots
-    if roots.size <= count:
+    if roots.size < count:
         return roots.size, None
     end = count + int(roots[count - 1].imag > 0.0)
+    if end == roots.size:
+        return end, float(roots[-1].real - 0.05 * np.abs(roots[-1]) - 10.0 * found.uncertainties[-1])
     for k in range(end, roots.size):
         gap = roots[k - 1].real - roots[k].real
         certain = 10.0 * (found.uncertainties[k - 1] + found.uncertainties[k]) + 1e-9 * abs(roots[k])
@@ -250,7 +264,7 @@ def _gap_after(found: RootSet, count: int) -> tuple[int, float | None]:
 def _confirmed(K: CharacteristicMatrix, line: float, number: int) -> bool:
     try:
         return count_right_of(K, line) == number
-    except ContourError:
+    except (ContourError, InputError):  # on a root, or so far left that e^{-s tau} has no digits
         return False
 
 
@@ -266,15 +280,20 @@ def _count_near(K: CharacteristicMatrix, line: float) -> tuple[float, int | None
 
 
 def _delays_move_roots(K: CharacteristicMatrix) -> bool:
-    """Tell whether det K depends on the delays at all, by random points of the torus E."""
+    """Tell whether det K depends on the delays at all, by random points E of the size at which it would show."""
     random = np.random.default_rng(0)
-    s = K.root_bound * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, 6))
-    E = np.exp(1j * random.uniform(0.0, 2.0 * np.pi, (6, K.n_channels)))
+    A, into, out = K.absolute_parts
+    through_delays = float(np.linalg.norm(into @ out))
+    if through_delays == 0.0:
+        return False
+    size = (float(np.linalg.norm(A)) or 1.0) / through_delays
+    s = 2.0 * float(np.linalg.norm(A) or 1.0) * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, 6))
+    E = size * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, (6, K.n_channels)))
     around = np.eye(K.n_channels) - K.D * E[:, None, :]
-    through = np.linalg.solve(around, np.broadcast_to(K.C, (6, *K.C.shape)))
-    open_matrix = s[:, None, None] * np.eye(K.n_states) - K.A
-    ratio = np.linalg.det(np.eye(K.n_states) - np.linalg.solve(open_matrix, (K.B * E[:, None, :]) @ through))
-    return bool(np.any(np.abs(ratio - 1.0) > 1e-10))
+    from_state = np.linalg.solve(around, np.broadcast_to(K.C, (6, *K.C.shape)))
+    undelayed = s[:, None, None] * np.eye(K.n_states) - K.A
+    returned = np.linalg.solve(undelayed, (K.B * E[:, None, :]) @ from_state)
+    return bool(np.any(np.abs(np.linalg.det(np.eye(K.n_states) - returned) - 1.0) > 1e-10))
 
 
 def _without_delay(K: CharacteristicMatrix, count: int) -> RootSet:

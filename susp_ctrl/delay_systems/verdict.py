@@ -135,6 +135,10 @@ def _decide(system: DelayLTI) -> StabilityVerdict:
         if len(answers) == 1 and agreement[ARGUMENT] is not None:
             number = answers.pop()
             return _verdict(number == 0, number, agreement, _agreed(number, agreement), found.roots)
+        if found.largest:
+            break
+    if all(answers) and len(answers) > 1 and agreement[ARGUMENT] is not None:
+        return _unstable_without_number(agreement, found)
     told = ", ".join(f"{name} {'cannot tell' if n is None else n}" for name, n in agreement.items())
     reason = f"the methods differ on the number of unstable roots ({told})"
     return _verdict(None, None, agreement, reason, found.roots)
@@ -149,6 +153,15 @@ def _verdict(
 ) -> StabilityVerdict:
     abscissa = float(roots[0].real) if roots.size else -np.inf
     return StabilityVerdict(stable, abscissa, number, MappingProxyType(dict(agreement)), reason, roots)
+
+
+def _unstable_without_number(agreement: Mapping[str, int | None], found: RootSet) -> StabilityVerdict:
+    """Every method finds unstable roots, in numbers that differ: so many that not all can be computed."""
+    counts = [agreement[name] for name in (ARGUMENT, SWEEP) if agreement.get(name) is not None]
+    number = counts[0] if len(counts) == 2 and counts[0] == counts[1] else None
+    told = ", ".join(f"{name} {n}" for name, n in agreement.items() if n is not None)
+    reason = f"all methods find roots with positive real part, though not the same number ({told})"
+    return _verdict(False, number, agreement, reason, found.roots)
 
 
 def _agreed(number: int, agreement: Mapping[str, int | None]) -> str:

@@ -201,6 +201,38 @@ def test_delays_outside_any_loop_move_no_root():
 
 
 @pytest.mark.analytical
+def test_weakly_coupled_delays_have_roots_far_to_the_left():
+    """x' = -x + b x(t - 1), b = 1e-6: a real root near -1 and the branches W_k(b e) - 1 far from it."""
+    found = sc.characteristic_roots(sc.DelayLTI.from_state_delays(A=[[[-1.0]], [[1e-6]]], delays=[1.0]), 3)
+    branches = scipy.special.lambertw(1e-6 * np.e, np.arange(-4, 5)) - 1.0
+    np.testing.assert_allclose(found.real, np.sort(branches.real)[::-1][:3], rtol=1e-9)
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("weak", [1e-18, 1e-140])
+def test_coupling_below_rounding_is_admitted(weak):
+    """The next roots lie where no discretisation finds them: a warning, and the first root all the same."""
+    loop = sc.DelayLTI.from_state_delays(A=[[[-1.0]], [[weak]]], delays=[1.0])
+    with pytest.warns(RuntimeWarning, match="may be missing"):
+        found = sc.characteristic_roots(loop, 3)
+    assert abs(found[0] + 1.0) < 1e-12
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert abs(sc.spectral_abscissa(loop) + 1.0) < 1e-12
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("tiny", [1e-16, 1e-12, 1e-7])
+def test_tiny_delay_beside_a_long_one(tiny):
+    """x' = -x(t - tiny) - 0.5 x(t - 1): the first order in the tiny delay is x' (1 - tiny) = ..."""
+    found = sc.characteristic_roots(
+        sc.DelayLTI.from_state_delays(A=[[[0.0]], [[-1.0]], [[-0.5]]], delays=[tiny, 1.0]), 5
+    )
+    branches = scipy.special.lambertw(-0.5 * np.e, np.arange(-4, 5)) - 1.0
+    assert np.max(np.min(np.abs(found[:, None] - branches), axis=1)) < 30.0 * tiny + 1e-11
+
+
+@pytest.mark.analytical
 def test_roots_that_the_delay_cannot_reach_are_kept():
     """An unstable mode beside a stable delayed loop, coupled to it in one direction only."""
     A0 = np.array([[-1.0, 0.7], [0.0, 0.3]])

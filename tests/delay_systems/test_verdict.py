@@ -10,6 +10,7 @@ import pytest
 from delay_cases import row, rows, system
 
 import susp_ctrl as sc
+from susp_ctrl.delay_systems import roots as roots_module
 from susp_ctrl.delay_systems import verdict as verdict_module
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
@@ -114,10 +115,25 @@ def test_without_delays_and_without_states():
 def test_methods_that_differ_give_no_answer(monkeypatch, method):
     """One method forced to a wrong count: the verdict must be undecided, whatever the others say."""
     monkeypatch.setattr(verdict_module, method, lambda *arguments: 4)
+    assert sc.spectral_abscissa(system("x_prime_minus_x_delayed", [1.0])) < 0.0
     with pytest.warns(UndecidedStabilityWarning, match="differ"):
         verdict = sc.stability(system("x_prime_minus_x_delayed", [1.0]))
     assert verdict.stable is None
     assert 4 in verdict.agreement.values()
+
+
+@pytest.mark.analytical
+def test_more_unstable_roots_than_can_be_computed(monkeypatch):
+    """x' = -2 x - 3 x(t - 100): crossings every 2 pi/sqrt(5), 72 unstable roots; only some may be computed."""
+    monkeypatch.setattr(roots_module, "_LARGEST_SIZE", 40)
+    omega = np.sqrt(5.0)
+    # -3 e^{-jwt} = jw + 2 at w = sqrt(5): wt = pi - atan(w/2) modulo 2 pi, all crossings to the right
+    expected = 2 * int((100.0 * omega - (np.pi - np.arctan(omega / 2.0))) // (2.0 * np.pi) + 1)
+    verdict = sc.stability(sc.DelayLTI.from_state_delays(A=[[[-2.0]], [[-3.0]]], delays=[100.0]))
+    assert verdict.stable is False
+    assert verdict.unstable_roots == expected == 72
+    assert 0 < verdict.agreement["roots"] < expected
+    assert "not the same number" in verdict.reason
 
 
 def test_one_method_alone_is_not_enough(monkeypatch):
