@@ -43,6 +43,8 @@ class StabilityMargins:
         Columns omega (rad/s), gain_margin: all frequencies found where L is real and negative.
     band : (float, float)
         Frequencies examined (rad/s).
+    complete : bool
+        Whether a bound proves that no crossover above the band matters to the gain and delay margins.
     """
 
     gain_margin: float
@@ -51,6 +53,7 @@ class StabilityMargins:
     gain_crossovers: pd.DataFrame
     phase_crossovers: pd.DataFrame
     band: tuple[float, float]
+    complete: bool
 
     def __str__(self) -> str:
         return (
@@ -112,23 +115,26 @@ def stability_margins(sys: Any, omega_range: tuple[float, float] | None = None) 
         gain_crossovers=pd.DataFrame({"omega": gain_at, "phase_margin": turned, "delay_margin": delays}),
         phase_crossovers=pd.DataFrame({"omega": phase_at, "gain_margin": factors}),
         band=(float(samples[0]), float(samples[-1])),
+        complete=_nothing_beyond(loop, samples, phase_at),
     )
 
 
 def _extended(loop: DelayLTI, samples: FloatArray) -> FloatArray:
     """Go on until the rest can neither cross unit gain nor lower the gain margin."""
-    tail = tail_bound(loop.folded)
     for _ in range(8):
-        values = _values(loop, samples)
-        crossing = np.abs(values[:-1][(np.diff(np.sign(values.imag)) != 0) & (values.real[:-1] < 0)])
-        level = min(1.0, 0.9 * float(crossing.max())) if crossing.size else 1e-3
-        if tail.at(float(samples[-1])) <= level:
+        if _nothing_beyond(loop, samples, _phase_crossovers(loop, samples)):
             break
         further = sampled_band(loop, float(samples[-1]), 3.0 * float(samples[-1]), 0.1, _MOST_POINTS)
         if samples.size + further.size > _MOST_POINTS:
             break
         samples = np.union1d(samples, further)
     return samples
+
+
+def _nothing_beyond(loop: DelayLTI, samples: FloatArray, crossings: FloatArray) -> bool:
+    """Whether the gain stays, beyond the samples, below one and below that of a crossing already found."""
+    level = float(np.max(np.abs(_values(loop, crossings)), initial=1e-3))
+    return tail_bound(loop.folded).at(float(samples[-1])) <= min(1.0, level) * (1.0 + 1e-12)
 
 
 def _gain_crossovers(loop: DelayLTI, samples: FloatArray) -> FloatArray:

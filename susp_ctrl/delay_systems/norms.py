@@ -213,6 +213,11 @@ def output_rms(
         The system is not proven stable.
     InputError
         An unknown input, an empty band, a density that is negative or not finite.
+
+    Notes
+    -----
+    Inputs that repeat one another later are one input and a delay: for two wheels over one road multiply the
+    system by ``append(1, delay(lag)) * [[1], [1]]``.
     """
     relative = validation.number("tolerance", tolerance, at_least=1e-12, below=1.0)
     limits = validation.increasing("omega_range", omega_range, at_least=0.0)

@@ -196,6 +196,21 @@ def test_output_rms_closed_form_and_independent_inputs():
     assert alone == pytest.approx([np.sqrt(4 * np.arctan(20))], rel=1e-8)
 
 
+@pytest.mark.literature
+def test_rear_wheel_over_the_same_road_is_a_delay():
+    """Passive car of Table 1 on an ISO 8608 class C road at 20 m/s, 0.011 to 2.83 cycle/m (project notes).
+
+    The values there are given to four digits: 0.9291 m/s2, 0.7078 rad/s2, 0.0116, 0.0112, 0.0040, 0.0042 m.
+    """
+    speed, car = 20.0, oracles.TABLE_1
+    outputs = list(oracles.RIDE_OUTPUTS[:6])
+    roads = sc.append(1.0, sc.delay((car["Lf"] + car["Lr"]) / speed)) * np.ones((2, 1))
+    system = sc.DelayLTI(sc.HalfCar().plant())[outputs, ["road_front", "road_rear"]] * roads
+    band = tuple(2 * np.pi * speed * np.array([0.011, 2.83]))
+    rms = sc.output_rms(system, lambda w: 2 * np.pi * 256e-6 * 0.1**2 * speed / w**2, band)
+    assert rms == pytest.approx([0.9291, 0.7078, 0.0116, 0.0112, 0.0040, 0.0042], abs=5.1e-5)
+
+
 @pytest.mark.property
 @pytest.mark.parametrize("seed", range(5))
 def test_bounds_hold(seed):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import warnings
 
 import control as ct
@@ -187,8 +189,8 @@ def test_margins_of_first_order_loops_in_closed_form():
     omega = margins.phase_crossovers["omega"].iloc[0]
     assert np.arctan(omega) + tau * omega == pytest.approx(np.pi, rel=1e-12)
     assert margins.gain_margin == pytest.approx(np.sqrt(1 + omega**2) / K, rel=1e-12)
-    quiet = (0.5 * ct.tf([1], [1, 1])).frequency_response([1.0])
-    assert quiet is not None
+    assert margins.complete
+    assert not (2 * sc.delay(1.0)).margins((0.1, 10.0)).complete
     none = sc.DelayLTI(ct.ss(ct.tf([0.5], [1, 1]))).margins()
     assert none.gain_margin == none.phase_margin == none.delay_margin == np.inf
     with pytest.raises(sc.InputError, match="one of each"):
@@ -328,6 +330,12 @@ def test_no_conversion_loses_the_delay_silently(conversion):
         (TypeError, ValueError, AttributeError, NotImplementedError, ct.ControlNotImplemented)
     ):
         conversion(resonant())
+
+
+def test_a_copy_is_the_same_system():
+    for twin in (copy.deepcopy(resonant()), resonant().copy("twin"), pickle.loads(pickle.dumps(resonant()))):
+        assert twin(0.7j) == resonant()(0.7j)
+        assert twin.input_labels == ["force"]
 
 
 @pytest.mark.analytical
