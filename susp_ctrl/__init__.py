@@ -71,6 +71,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "TuningProblem",
         "Limit",
         "pareto_front",
+        "SpectralAbscissa",
         "Harmonic",
         "BandMean",
         "BandPeak",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from susp_ctrl.tuning.abscissa import SpectralAbscissa
 from susp_ctrl.tuning.objectives import BandMean, BandPeak, Harmonic, RoadRms
 from susp_ctrl.tuning.problem import Limit, TuningProblem
 from susp_ctrl.tuning.swarm import pso
@@ -15,6 +16,7 @@ __all__ = [
     "Limit",
     "ParetoFront",
     "RoadRms",
+    "SpectralAbscissa",
     "TuningProblem",
     "pareto_front",
     "pso",

@@ -34,13 +34,20 @@ ComplexArray = NDArray[np.complex128]
 BAND_POINTS = 300
 
 
+class BoundObjective(Protocol):
+    """An objective that has sampled its plant."""
+
+    def evaluate(self, gains: FloatArray, delays: FloatArray) -> FloatArray:
+        """Return one value per design, (n, m) gains and delays (s) to (n,)."""
+
+
 class Objective(Protocol):
     """Anything that can be bound to a plant and then judges many designs at once."""
 
     #: False where the minimum typically sits on a kink; decides the local polish.
     smooth: bool
 
-    def bind(self, plant: ControlledPlant) -> SampledObjective:
+    def bind(self, plant: ControlledPlant) -> BoundObjective:
         """Sample the plant once for all evaluations to come."""
 
 

@@ -1,20 +1,21 @@
 """Local polish of a design the swarm has found: bounded, in scaled variables, one batch per gradient.
 
 Three kinds of minimum need three methods. Where the response can vanish, Gauss-Newton on its real and imaginary
-parts converges to rounding. A smooth minimum takes L-BFGS-B (SLSQP where limits are active). The peak over a
-band has its minimum on a kink where several peaks are equal: there t is minimised subject to J(w_k) <= t at all
-frequencies (the epigraph form), by SLSQP.
+parts converges to rounding. A smooth minimum takes SLSQP, which also keeps limits. The peak over a band has its
+minimum on a kink where several peaks are equal: there t is minimised subject to J(w_k) <= t at all frequencies
+(the epigraph form), by SLSQP too. Where only values are known (spectral abscissa), Nelder-Mead.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 
+from susp_ctrl.tuning.objectives import SampledObjective
 from susp_ctrl.tuning.problem import Case, TuningProblem
 from susp_ctrl.tuning.sampling import channel_exponentials
 
@@ -64,12 +65,12 @@ def polish(problem: TuningProblem, start: FloatArray) -> FloatArray:
 
 
 def _methods(problem: TuningProblem) -> list[Callable[..., list[FloatArray]]]:
-    if not hasattr(problem.cases[0].objective, "weighted_response"):
+    sampled = problem.cases[0].objective
+    if not isinstance(sampled, SampledObjective):
         return [_simplex]
     single = len(problem.cases) == 1 and len(problem.cases[0].delay_factors) == 1
     kinked = not problem.objective.smooth or not single
     methods = [_epigraph] if kinked else [_descend]
-    sampled = problem.cases[0].objective
     # As many real equations as unknowns at most: then a point where the response vanishes can exist.
     equations = 2 * sampled.omega.size * sampled.plant.p11.shape[1]
     if single and equations <= np.count_nonzero(problem.upper > problem.lower):
@@ -80,10 +81,11 @@ def _methods(problem: TuningProblem) -> list[Callable[..., list[FloatArray]]]:
 def _vanish(problem: TuningProblem, design: Batch, start: FloatArray) -> list[FloatArray]:
     """Gauss-Newton on the weighted response itself."""
     case = problem.cases[0]
+    sampled = _sampled(case)
 
     def residuals(u: FloatArray) -> FloatArray:
         gains, delays = case.spread(design(u))
-        h = case.objective.weighted_response(channel_exponentials(gains, delays, case.objective.omega))
+        h = sampled.weighted_response(channel_exponentials(gains, delays, sampled.omega))
         flat = h.reshape(len(u), -1)
         return np.concatenate([flat.real, flat.imag], axis=1)
 
@@ -119,7 +121,8 @@ def _descend(problem: TuningProblem, design: Batch, start: FloatArray) -> list[F
         start,
         jac=lambda u: _jacobian(value, u)[0] / scale,
         bounds=[(0.0, 1.0)] * start.size,
-        method="SLSQP" if limits else "L-BFGS-B",
+        # Not L-BFGS-B: for four variables it spends more time waking BLAS threads than the swarm takes.
+        method="SLSQP",
         constraints=limits,
         options={"maxiter": 200, "ftol": 1e-15},
     )
@@ -185,9 +188,14 @@ def _simplex(problem: TuningProblem, design: Batch, start: FloatArray) -> list[F
         start,
         bounds=[(0.0, 1.0)] * start.size,
         method="Nelder-Mead",
-        options={"maxfev": 400, "xatol": 1e-7, "fatol": 1e-10, "adaptive": True},
+        options={"maxfev": 250, "xatol": 1e-7, "fatol": 1e-10, "adaptive": True},
     )
     return [design(found.x[None])[0]]
+
+
+def _sampled(case: Case) -> SampledObjective:
+    """Return the case's objective as one that has a response (`_methods` has made sure)."""
+    return cast(SampledObjective, case.objective)
 
 
 def _lines(problem: TuningProblem, case: Case, points: FloatArray) -> FloatArray:
@@ -198,8 +206,8 @@ def _lines(problem: TuningProblem, case: Case, points: FloatArray) -> FloatArray
         if problem.objective.smooth:
             rows.append(case.objective.evaluate(gains, delays)[:, None])
         else:
-            E = channel_exponentials(gains, delays, case.objective.omega)
-            rows.append(case.objective.spectra(E))
+            sampled = _sampled(case)
+            rows.append(sampled.spectra(channel_exponentials(gains, delays, sampled.omega)))
     return np.concatenate(rows, axis=1)
 
 

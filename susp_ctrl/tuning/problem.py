@@ -15,7 +15,7 @@ from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_p
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.errors import InputError
 from susp_ctrl.tuning.feasibility import StabilityTest
-from susp_ctrl.tuning.objectives import Objective, SampledObjective
+from susp_ctrl.tuning.objectives import BoundObjective, Objective
 from susp_ctrl.tuning.sampling import ControlledPlant
 from susp_ctrl.tuning.small_gain import SmallGain
 
@@ -31,7 +31,7 @@ class Limit:
 
     Parameters
     ----------
-    objective : Harmonic, BandMean, BandPeak, RoadRms or SpectralAbscissa
+    objective : Harmonic, BandMean, BandPeak or RoadRms
         ``RoadRms(road, {"suspension_deflection_front": 1.0}, lags)`` is the RMS stroke of the front axle.
     at_most : float
         The limit, positive, in the objective's unit.
@@ -52,14 +52,14 @@ class Limit:
 class Case(NamedTuple):
     """One vehicle of a problem, sampled; the delays it has of its own come first among the channels."""
 
-    objective: SampledObjective
-    limits: tuple[SampledObjective, ...]
+    objective: BoundObjective
+    limits: tuple[BoundObjective, ...]
     stability: StabilityTest
     fixed_gains: FloatArray
     fixed_delays: FloatArray
     delay_factors: FloatArray
 
-    def worst(self, objective: SampledObjective, points: FloatArray) -> FloatArray:
+    def worst(self, objective: BoundObjective, points: FloatArray) -> FloatArray:
         """Return the largest value of an objective over the delay factors, points (n, 2 m) to (n,)."""
         return np.max([objective.evaluate(*self.spread(points, f)) for f in self.delay_factors], axis=0)
 
