@@ -82,6 +82,8 @@ class RootLocus:
         ]
         return "\n".join(lines)
 
+    __repr__ = __str__
+
 
 def root_locus(sys: Any, parameter: str, values: ArrayLike, count: int = 8) -> RootLocus:
     """Follow the rightmost characteristic roots while a delay or a gain changes.

@@ -75,6 +75,8 @@ class StabilityVerdict:
             f"  roots with positive real part: {counts}"
         )
 
+    __repr__ = __str__
+
     def plot(self, ax: Any = None) -> Any:
         """Draw the rightmost roots in the complex plane and return the axes."""
         from susp_ctrl.plotting import draw_roots

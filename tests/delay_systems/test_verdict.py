@@ -8,6 +8,9 @@ import control
 import numpy as np
 import pytest
 from delay_cases import row, rows, system
+from delay_oracles import dense_contour_count
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import susp_ctrl as sc
 from susp_ctrl.delay_systems import roots as roots_module
@@ -169,3 +172,60 @@ def test_printed_and_drawn():
 def test_what_is_no_system_is_refused():
     with pytest.raises(InputError, match="sys"):
         sc.stability(3j)
+
+
+def random_loop(seed):
+    """1 to 6 states, 1 to 3 delays, stable and unstable; every third one moved close to its boundary.
+
+    Moving all roots by r is exact: s -> s + r turns A0 into A0 - r I and A_k into A_k e^{-r tau_k}.
+    """
+    random = np.random.default_rng(seed)
+    n, m = random.integers(1, 7), random.integers(1, 4)
+    A = [random.normal(size=(n, n)) - random.choice([0.0, 1.0, 2.5]) * np.eye(n)]
+    for _ in range(m):
+        rank = random.integers(1, n + 1)
+        factor = 10.0 ** random.uniform(-1.0, 0.2) / np.sqrt(n * rank)
+        A.append(factor * random.normal(size=(n, rank)) @ random.normal(size=(rank, n)))
+    delays = 10.0 ** random.uniform(-1.5, 0.5, m)
+    if seed % 3:
+        return A, delays, None
+    abscissa = sc.spectral_abscissa(sc.DelayLTI.from_state_delays(A=A, delays=delays))
+    side, distance = random.choice([-1.0, 1.0]), 10.0 ** random.uniform(-14.0, -1.0)
+    moved = abscissa + side * distance
+    A = [A[0] - moved * np.eye(n), *(a * np.exp(-moved * tau) for a, tau in zip(A[1:], delays, strict=True))]
+    return A, delays, -side * distance
+
+
+def check_verdict(seed):
+    A, delays, abscissa = random_loop(seed)
+    loop = sc.DelayLTI.from_state_delays(A=A, delays=delays)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UndecidedStabilityWarning)
+        verdict = sc.stability(loop)
+    if abscissa is None:
+        try:
+            expected = dense_contour_count(A, delays)
+        except AssertionError:
+            return
+        assert verdict.unstable_roots == expected
+    elif verdict.stable is None:
+        assert abs(abscissa) < 1e-8, verdict
+    else:
+        assert verdict.stable == (abscissa < 0.0), verdict
+        assert abs(verdict.abscissa - abscissa) < 1e-9
+
+
+@pytest.mark.property
+@settings(max_examples=100)
+@given(st.integers(0, 2**31 - 1))
+def test_random_verdicts(seed):
+    """Three methods and a dense contour, or a boundary that is known; no wrong verdict, none left open needlessly."""
+    check_verdict(seed)
+
+
+@pytest.mark.property
+@pytest.mark.slow
+@settings(max_examples=2000)
+@given(st.integers(2**31, 2**32 - 1))
+def test_many_random_verdicts(seed):
+    check_verdict(seed)
