@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -37,6 +37,14 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+
+class SchurBasis(NamedTuple):
+    """``A = back @ triangular @ into`` with ``back @ into = I``."""
+
+    triangular: ComplexArray
+    into: ComplexArray
+    back: ComplexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,26 +88,24 @@ class Realization:
         return self.D22.shape[0]
 
     @cached_property
-    def schur(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Triangular T, and the matrices [B1 B2] and [C1; C2] in the same (balanced, complex Schur) basis."""
-        B, C = np.hstack([self.B1, self.B2]), np.vstack([self.C1, self.C2])
+    def schur(self) -> SchurBasis:
+        """The complex Schur form of A, balanced first."""
         if self.n_states == 0:
-            return self.A.astype(complex), B.astype(complex), C.astype(complex)
+            return SchurBasis(*(np.zeros((0, 0), dtype=complex) for _ in range(3)))
         balanced, (scale, _) = scipy.linalg.matrix_balance(self.A, permute=False, separate=True)
         T, Q = scipy.linalg.schur(balanced, output="complex")
-        return T, Q.conj().T @ (B / scale[:, None]), (C * scale) @ Q
+        return SchurBasis(T, Q.conj().T / scale, scale[:, None] * Q)
 
     @property
     def eigenvalues(self) -> ComplexArray:
         """Eigenvalues of A."""
-        return np.diag(self.schur[0])
+        return np.diag(self.schur.triangular)
 
     def closed_matrix(self, E: ComplexArray) -> ComplexArray:
         """Return ``A + B2 E (I - D22 E)^-1 C2`` for `E` of shape (..., channels): shape (..., states, states)."""
         around = np.eye(self.n_channels) - self.D22 * E[..., None, :]
         delayed = np.linalg.solve(around, np.broadcast_to(self.C2, (*E.shape[:-1], *self.C2.shape)))
-        closed: ComplexArray = self.A + (self.B2 * E[..., None, :]) @ delayed
-        return closed
+        return self.A + ((self.B2 * E[..., None, :]) @ delayed).astype(complex, copy=False)
 
 
 class SampledPlant(NamedTuple):
@@ -114,7 +120,8 @@ class SampledPlant(NamedTuple):
 def sample_plant(plant: Realization, s: ArrayLike) -> SampledPlant:
     """Evaluate ``P(s) = D + C (sI - A)^-1 B`` at many points at once.
 
-    One Schur form serves all points; the triangular systems are solved for all of them together.
+    One Schur form serves all points; the triangular systems are solved for all of them together, and one step of
+    iterative refinement on A itself removes the rounding of the change of basis.
 
     Parameters
     ----------
@@ -129,16 +136,13 @@ def sample_plant(plant: Realization, s: ArrayLike) -> SampledPlant:
         Blocks of shape (n_points, outputs, inputs). In memory the points are contiguous.
     """
     points = np.atleast_1d(np.asarray(s, dtype=complex))
-    T, B, C = plant.schur
-    n, columns = B.shape
-    solution = np.empty((n, columns, points.size), dtype=complex)
+    B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2])
+    _, into, back = plant.schur
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for i in range(n - 1, -1, -1):
-            right_side = np.broadcast_to(B[i][:, None], (columns, points.size))
-            if i + 1 < n:
-                right_side = right_side + np.tensordot(T[i, i + 1 :], solution[i + 1 :], axes=1)
-            solution[i] = right_side / (points - T[i, i])
-        values = (C @ solution.reshape(n, columns * points.size)).reshape(C.shape[0], columns, points.size)
+        state = _times(back, _solve_triangular(plant.schur.triangular, points, (into @ B)[..., None]))
+        residual = B[..., None] - points * state + _times(plant.A, state)
+        state += _times(back, _solve_triangular(plant.schur.triangular, points, _times(into, residual)))
+        values = _times(C, state)
     p, q = plant.n_outputs, plant.n_inputs
     values[:p, :q] += plant.D11[..., None]
     values[:p, q:] += plant.D12[..., None]
@@ -146,6 +150,21 @@ def sample_plant(plant: Realization, s: ArrayLike) -> SampledPlant:
     values[p:, q:] += plant.D22[..., None]
     by_point = np.moveaxis(values, -1, 0)
     return SampledPlant(by_point[:, :p, :q], by_point[:, :p, q:], by_point[:, p:, :q], by_point[:, p:, q:])
+
+
+def _times(matrix: NDArray[Any], stack: ComplexArray) -> ComplexArray:
+    """Multiply the first axis of a stack (n, columns, points)."""
+    flat = matrix @ stack.reshape(stack.shape[0], stack.shape[1] * stack.shape[2])
+    return flat.reshape(matrix.shape[0], *stack.shape[1:])
+
+
+def _solve_triangular(T: ComplexArray, points: ComplexArray, right_side: ComplexArray) -> ComplexArray:
+    """Solve ``(s I - T) X = right_side`` by back substitution at all points s together."""
+    n, columns, _ = right_side.shape
+    X = np.empty((n, columns, points.size), dtype=complex)
+    for i in range(n - 1, -1, -1):
+        X[i] = (right_side[i] + np.tensordot(T[i, i + 1 :], X[i + 1 :], axes=1)) / (points - T[i, i])
+    return X
 
 
 def lft_response(P: SampledPlant, E: ComplexArray) -> ComplexArray:
@@ -183,7 +202,9 @@ def return_solve(p22: ComplexArray, E: ComplexArray, right_side: ComplexArray) -
             first = (m22[..., None] * r1 + m12[..., None] * r2) * inverse_det
             second = (m21[..., None] * r1 + m11[..., None] * r2) * inverse_det
             return np.stack([first, second], axis=-2)
-        return np.linalg.solve(np.eye(channels) - p22 * E[..., None, :], right_side).astype(complex, copy=False)
+        return np.linalg.solve(np.eye(channels) - p22 * E[..., None, :], right_side).astype(
+            complex, copy=False
+        )
 
 
 def return_determinant(p22: ComplexArray, E: ComplexArray) -> ComplexArray:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import matrix_balance
 from scipy.optimize import minimize_scalar
 
 from susp_ctrl.delay_systems.lft import Realization, sample_plant
@@ -96,8 +97,8 @@ def search_small_gain(realization: Realization, limits: FloatArray, level: float
 
 
 def _top_frequency(r: Realization, limits: FloatArray, level: float) -> float:
-    T, B, C = r.schur
-    into, out = B[:, r.n_inputs :], C[r.n_outputs :]
+    T, to_basis, from_basis = r.schur
+    into, out = to_basis @ r.B2, r.C2 @ from_basis
     reach = np.linalg.norm(out, axis=1)[:, None] * np.linalg.norm(into, axis=0) * limits
     size = float(np.linalg.norm(T, 2)) if r.n_states else 0.0
     gap = max(size, 1.0)
