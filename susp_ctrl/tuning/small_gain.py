@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import matrix_balance
 from scipy.optimize import minimize_scalar
 
 from susp_ctrl.delay_systems.lft import Realization, sample_plant
