@@ -56,6 +56,11 @@ class Inputs:
     bandwidth: float | None
     knots: FloatArray | None = None
 
+    @property
+    def sample_times(self) -> FloatArray:
+        """Times of the samples; empty where no input was given as an array."""
+        return np.zeros(0) if self.knots is None else self.knots
+
     def at(self, times: FloatArray) -> FloatArray:
         """Return the inputs at any times t >= 0, shape (inputs, *times.shape)."""
         values = np.zeros((self.size, *times.shape))
@@ -123,7 +128,7 @@ def as_inputs(
             part = Part(label, rows, value, _lines(label, value) if len(rows) == 1 else None)
             _evaluate(part, np.array([timepts[0], timepts[-1]]))
             parts.append(part)
-            known.extend(validation.vector(f"{label}.breakpoints", getattr(value, "breakpoints", None) or ()))
+            known.extend(validation.vector(f"{label}.breakpoints", announced_breakpoints(value)))
             band = getattr(value, "bandwidth", None)
             if band is None and part.lines is not None:
                 band = float(np.max(part.lines[0], initial=0.0))
@@ -160,6 +165,11 @@ def _given(inputs: Any, labels: Sequence[str], name: str) -> list[tuple[str, tup
     if len(labels) == 0:
         raise InputError(f"{name} is given, but the system has no inputs")
     return [(name, tuple(range(len(labels))), inputs)]
+
+
+def announced_breakpoints(value: Any) -> Any:
+    breakpoints = getattr(value, "breakpoints", None)
+    return () if breakpoints is None else breakpoints
 
 
 def _constant(value: float, times: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximate_methods import approximation
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
-from susp_ctrl.delay_systems.input_signals import Inputs, as_inputs
+from susp_ctrl.delay_systems.input_signals import Inputs, announced_breakpoints, as_inputs
 from susp_ctrl.delay_systems.lft import FloatArray, Realization
 from susp_ctrl.delay_systems.method_of_steps import run_exact
 from susp_ctrl.delay_systems.reference_method import run_reference
@@ -167,7 +167,7 @@ def past_of(system: DelayLTI, history: Any) -> Past:
         return past
     if callable(history):
         state = _history_values(history, np.zeros(1), n)
-        kinks = validation.vector("history.breakpoints", getattr(history, "breakpoints", None) or ())
+        kinks = validation.vector("history.breakpoints", announced_breakpoints(history))
         function: Callable[[FloatArray], FloatArray] = lambda t: _history_values(history, t, n)  # noqa: E731
         return Past(0.0, state, _delayed_before(system, function), (*kinks.tolist(), 0.0))
     if isinstance(history, str):
@@ -243,7 +243,7 @@ def _response(
         run.outputs[:, :, 0],
         run.states[:, :, 0],
         run.inputs[:, :, 0] if system.ninputs else None,
-        issiso=system.issiso(),
+        issiso=system.noutputs == 1 and system.ninputs <= 1,
         output_labels=system.output_labels,
         state_labels=system.state_labels,
         input_labels=system.input_labels if system.ninputs else None,
