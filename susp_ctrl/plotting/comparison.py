@@ -38,6 +38,7 @@ def draw_order_error(
     ylabel: str = "relative error",
     xlabel: str = "order of the Padé approximation",
     needed: float | None = None,
+    needed_label: str = "order needed for the band",
     styles: Mapping[str, Look] | None = None,
     legend: bool = True,
     title: str | None = None,
@@ -54,8 +55,8 @@ def draw_order_error(
         Axes to draw into; new ones by default.
     ylabel, xlabel
         Names and units.
-    needed
-        The order that the band asks for, marked by a vertical line.
+    needed, needed_label
+        The order that the band asks for, marked by a vertical line, and its legend entry.
     styles, legend, title
         As in `susp_ctrl.plotting.draw_magnitude`.
 
@@ -75,7 +76,7 @@ def draw_order_error(
             color=BLACK,
             linewidth=0.8,
             linestyle=(0, (1, 2)),
-            label=f"needed for the band: {needed:g}",
+            label=needed_label,
         )
     ax.set_yscale("log")
     powers_of_ten(ax.yaxis)

@@ -45,8 +45,6 @@ def save_figure(figure: Figure, path: str | Path, *, dpi: float = 100.0, colours
     shown_on, shown_at = figure.canvas, figure.dpi
     # The canvases are drawn directly: `savefig` would draw a figure with a layout engine twice.
     try:
-        if figure.get_layout_engine() is not None:
-            figure.draw_without_rendering()  # texts get their size only when drawn, and the layout needs it
         if ending == ".png":
             figure.dpi = dpi
             agg = FigureCanvasAgg(figure)

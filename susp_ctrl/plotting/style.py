@@ -70,6 +70,7 @@ SETTINGS: Any = {  # newer matplotlib types its keys one by one, older ones as s
     "legend.handlelength": 3.2,  # long enough to show a dash pattern
     "lines.linewidth": 1.25,
     "lines.markersize": 4.0,
+    "text.hinting": "no_hinting",  # text as wide on the screen as on paper, so that one layout fits both
     "hatch.linewidth": 0.5,
     "figure.facecolor": "white",
     "savefig.facecolor": "white",

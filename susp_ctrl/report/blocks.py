@@ -132,6 +132,8 @@ class Table:
         The rows that the document shows, where they are not those of `frame`.
     in_document : bool
         False for a table that is only written as CSV (long histories).
+    whole : bool
+        Keep the table on one page.
     emphasis : str
         Column of truth values: its rows are set bold.
     """
@@ -144,6 +146,7 @@ class Table:
     group: str = ""
     shown: pd.DataFrame | None = None
     in_document: bool = True
+    whole: bool = False
     emphasis: str = ""
 
     def cells(self) -> list[dict[str, Any]]:

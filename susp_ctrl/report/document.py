@@ -109,7 +109,7 @@ def block_data(block: Block, figure_folder: str) -> dict[str, Any]:
                 "kind": "table",
                 "caption": prose(block.caption),
                 "note": block.note,
-                "breakable": len(rows) > _WHOLE_ROWS,
+                "breakable": len(rows) > _WHOLE_ROWS and not block.whole,
                 "size": size,
                 "gap": gap,
                 "columns": [

@@ -42,6 +42,9 @@ class FigureGallery(Mapping[str, "MatplotlibFigure"]):
     def __len__(self) -> int:
         return len(self._specifications)
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._specifications  # without drawing it, as the base class would
+
     def __repr__(self) -> str:
         return f"FigureGallery({', '.join(self._specifications)})"
 

@@ -11,18 +11,16 @@ from susp_ctrl.report.result import StudyResult
 from susp_ctrl.study import Study
 from susp_ctrl.study.result import (
     AuditSection,
-    DelayIndependence,
-    DelayLine,
     Design,
     FrequencySection,
     PadeCase,
     Provenance,
-    StabilitySection,
     StudyRun,
     TimeCase,
     TuningRun,
     VehicleSection,
 )
+from susp_ctrl.study.stability_result import DelayIndependence, DelayLine, StabilitySection
 
 OUTPUTS = (
     "body_acceleration",
@@ -252,6 +250,7 @@ def _stability(verdict: str) -> StabilitySection:
         verdict="stable",
         supremum=0.4441,
         margin=1.0 / 0.4441,
+        exact_margin=1.0 / 0.4426,
         omega=8.82,
         single_channel=pd.DataFrame(
             pair | {"gain_threshold": [103229.0], "omega_rad_per_s": [65.64], "unit": ["N/m"]}

@@ -86,5 +86,5 @@ def _draw(run: StudyRun, cases: tuple[PadeCase, ...]) -> MatplotlibFigure:
         )
     for ax in axes.flat[len(cases) :]:
         ax.set_visible(False)
-    shared_legend(figure, axes, columns=2)
+    shared_legend(figure, axes, columns=3)
     return figure

@@ -14,7 +14,8 @@ from susp_ctrl.report.looks import labels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from susp_ctrl.study.result import DelayIndependence, DelayLine, StabilitySection, StudyRun
+    from susp_ctrl.study.result import StudyRun
+    from susp_ctrl.study.stability_result import DelayIndependence, DelayLine, StabilitySection
 
 
 def stability_section(run: StudyRun) -> Section | None:
@@ -175,7 +176,7 @@ def _draw_sweeps(run: StudyRun, lines: list[DelayLine]) -> MatplotlibFigure:
 
     columns = min(len(lines), 3)
     rows = -(-len(lines) // columns)
-    figure, axes = new_figure(rows, columns, height=0.5 + 2.05 * rows, sharex=True)
+    figure, axes = new_figure(rows, columns, height=0.5 + 1.8 * rows, sharex=True)
     names = labels(run)
     for number, (ax, line) in enumerate(zip(axes.flat, lines, strict=False)):
         curves = [_curve_name(name) for name in line.figure_names]
@@ -245,7 +246,8 @@ def _independence(proof: DelayIndependence) -> list[Block]:
         Text(
             f"The whole search box at once: at its corner (gains {corner} {units}) the supremum of "
             f"ρ(|G(jω)| diag|g|) is {number_text(proof.supremum, 5)}, at ω = {number_text(proof.omega, 5)} rad/s. "
-            f"{outcome} All gains could grow by the factor {number_text(proof.margin, 5)} before this proof fails."
+            f"{outcome} All gains could grow by the factor {number_text(proof.margin, 5)} before this proof fails, and "
+            f"by {number_text(proof.exact_margin, 5)} before some delays do destabilise the loop."
         ),
         Table(
             key="delay_independence",

@@ -109,6 +109,7 @@ def rms_table(run: StudyRun, case: TimeCase) -> Table:
         shown=_as_printed(frame, designs).assign(group=group),
         columns=tuple(columns),
         group="group",
+        whole=True,
         note="Change against the passive car by the same method: ▼ less (better), ▲ more (worse). “No simulation”: "
         "from the exact frequency response, without transient and without sampling error. “Printed”: the source's "
         "own numbers.",
@@ -234,6 +235,7 @@ def _draw_histories(run: StudyRun, case: TimeCase) -> MatplotlibFigure:
         )
         if row + 1 < count:
             ax.set_xlabel("")
+    figure.align_ylabels()
     shared_legend(figure, axes, columns=3)
     return figure
 
