@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl import validation
+from susp_ctrl.delay_systems import spectral_abscissa
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.errors import InputError
@@ -180,9 +181,8 @@ class TuningProblem:
         self._cases = tuple(self._case(each) for each in self.plants)
         idle = np.zeros((1, 2 * m))
         idle[0, m:] = self.lower[m:]
-        self.passive_value = float(self.values(idle)[0])
-        if not all(case.stability.plant_stable for case in self._cases):
-            self.passive_value = np.nan
+        passive_stable = all(spectral_abscissa(each) < 0 for each in self.plants)
+        self.passive_value = float(self.values(idle)[0]) if passive_stable else np.nan
 
     def replace(self, **changes: Any) -> TuningProblem:
         """Return a copy with some arguments changed."""

@@ -128,6 +128,12 @@ def pso(
     InputError
         For limits that are not finite or cross, a swarm of fewer than 2, or an unknown topology or preset.
 
+    Notes
+    -----
+    The default coefficients explore: on the band and road objectives of the half car they reach the best known
+    basin more often than 1.5 or 1.75, and `tune` leaves the last digits to a local polish. On smooth functions
+    with one basin 1.5 converges faster.
+
     References
     ----------
     .. [1] J. Kennedy, R. Eberhart, "Particle swarm optimization", Proc. ICNN, 1995.

@@ -25,7 +25,16 @@ from tuning.tuning_case import (
 
 from susp_ctrl.delay_systems import FeedbackChannel, close_loop, spectral_abscissa, stability
 from susp_ctrl.errors import InputError, NeutralLoopError
-from susp_ctrl.tuning import Harmonic, Limit, RoadRms, SpectralAbscissa, TuningProblem, pareto_front, tune
+from susp_ctrl.tuning import (
+    BandPeak,
+    Harmonic,
+    Limit,
+    RoadRms,
+    SpectralAbscissa,
+    TuningProblem,
+    pareto_front,
+    tune,
+)
 from susp_ctrl.vehicle import HalfCar, QuarterCar
 
 # Best values known of the half car in the paper's box on class C at 20 m/s, found by 60 seeds of the ring swarm
@@ -373,6 +382,24 @@ def test_bad_input_is_named(change, part):
     }
     with pytest.raises(InputError, match=part):
         TuningProblem(**(arguments | change))
+
+
+@pytest.mark.analytical
+def test_unstable_plant_is_stabilised_and_has_no_passive_value():
+    """x' = x + u, u = g x(t - tau): every design returned satisfies 1 < -g and tau < acos(-1/g)/sqrt(g^2 - 1)."""
+    plant = control.ss([[1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["road", "u"], outputs=["y"])
+    p = TuningProblem(plant, [("y", "u")], BandPeak((0.1, 10.0), {"y": 1.0}), (-5.0, 5.0), (0.05, 2.0))
+    assert np.isnan(p.passive_value)
+    best = tune(p, particles=20, iterations=30, seed=0)
+    g, tau = best.x
+    assert best.success
+    assert g < -1.0
+    assert tau < np.arccos(-1.0 / g) / np.sqrt(g**2 - 1.0)
+    assert best.history["feasible_share"].iloc[0] < 0.3
+
+
+def test_passive_value_is_there_whatever_the_decay_rate():
+    assert problem("harmonic", decay_rate=2.0).passive_value == problem("harmonic").passive_value
 
 
 def test_tune_wants_a_problem():
