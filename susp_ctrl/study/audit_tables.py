@@ -16,8 +16,8 @@ from susp_ctrl.study.audit_rows import (
 )
 from susp_ctrl.study.audit_schema import PrintedRow, PrintedTable, printed_number
 from susp_ctrl.study.result import TimeCase
-from susp_ctrl.study.schema import PASSIVE
 from susp_ctrl.study.time_section import EXACT, STATIONARY, build_road
+from susp_ctrl.study.vehicle_schema import PASSIVE
 from susp_ctrl.study.workbench import Workbench
 
 _PHASES = 720  # of the rear road against the front one, tried on a harmonic road

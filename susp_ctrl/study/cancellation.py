@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from susp_ctrl.study.schema import PairSettings
+from susp_ctrl.study.vehicle_schema import PairSettings
 
 _MEASURED, _ACTUATOR = "unsprung_displacement", "force"
 
@@ -43,7 +43,7 @@ def cancelling_feedback(
     wheels = [tire.deflection.removeprefix("tire_deflection") for tire in vehicle.tires]
     own = {(_MEASURED + wheel, _ACTUATOR + wheel): wheel for wheel in wheels}
     given = [(pair.measured, pair.actuator) for pair in pairs]
-    if sorted(given) != sorted(own):
+    if sorted(given) != sorted(own) or any(pair.actuator_bandwidth for pair in pairs):
         return None
     solutions = []
     for pair, place in zip(pairs, given, strict=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from susp_ctrl.study.result import AuditSection, StabilitySection, TimeCase, TuningRun
-from susp_ctrl.study.schema import PASSIVE
+from susp_ctrl.study.vehicle_schema import PASSIVE
 from susp_ctrl.study.workbench import Workbench
 
 

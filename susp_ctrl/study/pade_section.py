@@ -10,7 +10,7 @@ import pandas as pd
 from susp_ctrl.delay_systems import compare_pade
 from susp_ctrl.errors import PadeOrderWarning
 from susp_ctrl.study.result import PadeCase
-from susp_ctrl.study.schema import PadeSettings, TimeSettings
+from susp_ctrl.study.simulation_schema import PadeSettings, TimeSettings
 from susp_ctrl.study.time_section import band_order, build_road, record
 from susp_ctrl.study.workbench import Report, Workbench
 

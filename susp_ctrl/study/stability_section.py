@@ -20,8 +20,9 @@ from susp_ctrl.delay_systems import (
 from susp_ctrl.errors import UndecidedStabilityWarning
 from susp_ctrl.ride import signal_unit
 from susp_ctrl.study.result import DelayIndependence, DelayLine, Design, StabilitySection, StabilityWord
-from susp_ctrl.study.schema import BoxSettings, StabilitySettings
+from susp_ctrl.study.schema import StabilitySettings
 from susp_ctrl.study.units import GAIN_UNITS, readable
+from susp_ctrl.study.vehicle_schema import BoxSettings
 from susp_ctrl.study.workbench import FloatArray, Report, Workbench
 
 _WORDS: dict[bool | None, StabilityWord] = {True: "stable", False: "unstable", None: "undecided"}

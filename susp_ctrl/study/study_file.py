@@ -16,8 +16,9 @@ import control
 
 from susp_ctrl.errors import InputError
 from susp_ctrl.study.audit_schema import AuditSettings
-from susp_ctrl.study.schema import PASSIVE, StudySettings
+from susp_ctrl.study.schema import StudySettings
 from susp_ctrl.study.settings import Place, SettingError, nearest
+from susp_ctrl.study.vehicle_schema import PASSIVE
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
 
 _STEP = re.compile(r"([A-Za-z0-9_]+)(?:\[([^\]]+)\])?(?:\.|$)")

@@ -12,8 +12,9 @@ from susp_ctrl.road import RandomRoad
 from susp_ctrl.study.cancellation import cancelling_feedback
 from susp_ctrl.study.frequency_section import velocity_gain
 from susp_ctrl.study.result import Design, TuningRun
-from susp_ctrl.study.schema import PASSIVE, TuningSettings
+from susp_ctrl.study.schema import TuningSettings
 from susp_ctrl.study.units import GAIN_UNITS, readable
+from susp_ctrl.study.vehicle_schema import PASSIVE
 from susp_ctrl.study.workbench import FloatArray, Report, Workbench
 from susp_ctrl.tuning import BandMean, BandPeak, Harmonic, RoadRms, TuningProblem, tune
 
@@ -80,6 +81,9 @@ def _problem(bench: Workbench, settings: TuningSettings) -> TuningProblem:
         objective=_objective(bench, settings),
         gain_bounds=[(pair.gain_from, pair.gain_to) for pair in settings.pairs],
         delay_bounds=[(pair.delay_from, pair.delay_to) for pair in settings.pairs],
+        actuator_bandwidth=[pair.actuator_bandwidth for pair in settings.pairs],
+        decay_rate=settings.decay_rate,
+        delay_tolerance=settings.delay_tolerance,
     )
 
 
@@ -141,7 +145,8 @@ def _value(bench: Workbench, settings: TuningSettings, problem: TuningProblem, d
     pairs = tuple((str(c.measured), str(c.actuator)) for c in design.channels)
     gains, delays = [c.gain for c in design.channels], [c.delay for c in design.channels]
     widths = [c.actuator_bandwidth for c in design.channels]
-    if pairs != tuple(problem.pairs) or any(widths):
+    own = [pair.actuator_bandwidth for pair in settings.pairs]
+    if pairs != tuple(problem.pairs) or widths != own:
         problem = TuningProblem(
             bench.plant,
             pairs=pairs,

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from susp_ctrl.delay_systems import DelayLTI, FeedbackChannel, close_loop
 from susp_ctrl.study.result import Design
-from susp_ctrl.study.schema import PASSIVE, DesignSettings, RoadSettings
+from susp_ctrl.study.simulation_schema import RoadSettings
 from susp_ctrl.study.study_file import Study
+from susp_ctrl.study.vehicle_schema import PASSIVE, DesignSettings
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -12,6 +12,9 @@ from susp_ctrl.study import compute_study
 from susp_ctrl.study.audit_rows import EXPLAINED, NOT_REPRODUCED, REPRODUCED, agrees, compared
 from susp_ctrl.study.audit_schema import printed_number
 
+# Orders are low on purpose, to be quick.
+pytestmark = pytest.mark.filterwarnings("ignore::susp_ctrl.errors.PadeOrderWarning")
+
 # Eq. (15) of K. Wu, C. Ren, Shock and Vibration, 2020, as printed; one of each conjugate pair.
 EQ_15 = [
     complex(-2.0267857911405181608535831306952, 17.090553240960446610326055558861),

@@ -8,7 +8,7 @@ import pytest
 
 import susp_ctrl as sc
 from susp_ctrl.study.cancellation import cancelling_feedback
-from susp_ctrl.study.schema import PairSettings
+from susp_ctrl.study.vehicle_schema import PairSettings
 
 FRONT = PairSettings(
     measured="unsprung_displacement_front", actuator="force_front", gain_from=-34000.0, gain_to=34000.0

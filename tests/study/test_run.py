@@ -13,7 +13,8 @@ import pytest
 import susp_ctrl as sc
 from susp_ctrl.study import compute_study
 
-pytestmark = pytest.mark.end_to_end
+# Orders are low on purpose, to be quick.
+pytestmark = [pytest.mark.end_to_end, pytest.mark.filterwarnings("ignore::susp_ctrl.errors.PadeOrderWarning")]
 
 PUBLISHED = {
     "passive": ((0.0, 0.0), (0.0, 0.0)),
