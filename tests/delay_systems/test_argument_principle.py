@@ -5,6 +5,7 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
+import scipy.special
 from delay_cases import CASES, row, rows, system
 from delay_oracles import dense_contour_count
 from hypothesis import given, settings
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 import susp_ctrl as sc
 from susp_ctrl.delay_systems.argument_principle import ContourError, count_right_of, count_roots_right_of
 from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.lft import Realization
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
 
@@ -200,6 +202,30 @@ def test_long_delays_and_strong_gains():
     first = angle / omega if b * np.sin(angle) * -1.0 > 0 else (2.0 * np.pi - angle) / omega
     expected = 2 * int(np.floor((tau - first) / (2.0 * np.pi / omega)) + 1)
     assert sc.count_unstable_roots(scalar(a, b, tau)) == expected
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("line", [0.0, -0.5, -1.5, 0.2])
+@pytest.mark.parametrize("gain", [-1.2, -2.5, -8.0])
+def test_nilpotent_feedthrough_counts_as_the_sum_of_delays(line, gain):
+    """A chain of two delayed signals around an integrator is one delay of 1 s; lines left and right of the axis."""
+    chain = Realization(
+        A=[[0.0]], B1=np.zeros((1, 0)), B2=[[0.0, gain]], C1=np.zeros((0, 1)), C2=[[1.0], [0.0]],
+        D11=np.zeros((0, 0)), D12=np.zeros((0, 2)), D21=np.zeros((2, 0)), D22=[[0.0, 0.0], [1.0, 0.0]],
+    )  # fmt: skip
+    branches = scipy.special.lambertw(gain, np.arange(-60, 61))
+    assert count_roots_right_of(sc.DelayLTI(chain, [0.35, 0.65]), line) == np.sum(branches.real > line)
+
+
+@pytest.mark.literature
+def test_published_interval_lies_inside_the_exact_one():
+    """delayed_oscillator_gkc_p193: (0.100174, 1.71785) is printed; exact is 5.7e-6 lower and 8.2e-6 higher."""
+    exact = row("delayed_oscillator_gkc_p193", "stable_interval")
+    low, high = exact["value"]
+    for tau, stable in ((low - 1e-8, False), (low + 1e-8, True), (high - 1e-8, True), (high + 1e-8, False)):
+        assert (sc.count_unstable_roots(system("delayed_oscillator_gkc_p193", [tau])) == 0) is stable
+    shortfall = np.abs(np.array(exact["published"]) - exact["value"])
+    np.testing.assert_allclose(shortfall, [5.7e-6, 8.2e-6], atol=1e-7)
 
 
 def test_a_line_through_a_root_raises_inside():

@@ -164,6 +164,14 @@ def test_published_growth_factor_is_that_of_a_coarse_method():
 
 
 @pytest.mark.literature
+def test_characteristic_polynomial_without_delay():
+    """MathWorks, "Analyzing Control Systems with Delays": 1, 0.36, 1.24, 0.18."""
+    expected = row("matlab_pi_deadtime", "delay_free_char_poly")
+    roots = sc.characteristic_roots(system("matlab_pi_deadtime", [0.0]))
+    np.testing.assert_allclose(np.poly(roots).real, expected["value"], atol=expected["tolerance"])
+
+
+@pytest.mark.literature
 def test_neuron_hopf_point():
     """DDE-BIFTOOL demo 1: at a21 = 0.807123 a pair lies on the axis at 0.781965 rad/s."""
     case, omega = "neuron_three_delays", row("neuron_three_delays", "hopf_omega")
