@@ -6,6 +6,7 @@ numerical is imported before a command runs, so that ``--help`` answers at once.
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -48,6 +49,9 @@ Progress = Callable[[str, float], None]
 
 def main() -> None:
     """Run the command line."""
+    # The matrices here are small: a second BLAS thread costs more than it brings, many times more on a busy machine.
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
     app()
 
 

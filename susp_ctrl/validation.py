@@ -66,7 +66,7 @@ def vector(
 ) -> FloatArray:
     """Return `value` as a finite one-dimensional float array."""
     try:
-        result = np.atleast_1d(np.asarray(value, dtype=float))
+        result = np.atleast_1d(_real(value))
     except (TypeError, ValueError):
         raise InputError(f"{name} = {value!r} is not allowed: a sequence of numbers is needed") from None
     if result.ndim != 1 or (size is not None and result.size != size):
@@ -84,7 +84,7 @@ def vector(
 def matrix(name: str, value: ArrayLike, *, rows: int | None = None, columns: int | None = None) -> FloatArray:
     """Return `value` as a finite two-dimensional float array of the given shape."""
     try:
-        result = np.atleast_2d(np.asarray(value, dtype=float))
+        result = np.atleast_2d(_real(value))
     except (TypeError, ValueError):
         raise InputError(f"{name} is not allowed: a real matrix is needed") from None
     wanted = (
@@ -132,6 +132,14 @@ def random_generator(seed: Any, name: str = "seed") -> np.random.Generator:
     if isinstance(seed, np.random.Generator):
         return seed
     return np.random.default_rng(integer(name, seed, at_least=0))
+
+
+def _real(value: ArrayLike) -> FloatArray:
+    """Return a float array; numpy would drop imaginary parts with a warning only."""
+    array = np.asarray(value)
+    if np.iscomplexobj(array):
+        raise TypeError("complex numbers")
+    return array.astype(float)
 
 
 def _nearest(value: Any, words: Sequence[str]) -> str:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # before numpy loads; as the command line does
+    os.environ.setdefault(_variable, "1")
+
 import pytest
 from hypothesis import HealthCheck, settings
 
