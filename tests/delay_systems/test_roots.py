@@ -1,4 +1,4 @@
-"""Characteristic roots: closed forms, the half car, literature cases, traps, and random systems."""
+"""Characteristic roots: closed forms, the half car, literature cases, traps."""
 
 from __future__ import annotations
 
@@ -10,9 +10,7 @@ import oracles
 import pytest
 import scipy.special
 from delay_cases import matrices, row, rows, system
-from delay_oracles import characteristic_matrix, full_state_roots
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from delay_oracles import characteristic_matrix
 
 import susp_ctrl as sc
 from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
@@ -354,73 +352,3 @@ def test_bad_input_is_named(arguments, words):
 def test_what_is_no_system_is_refused():
     with pytest.raises(InputError, match="sys"):
         sc.characteristic_roots("half car")
-
-
-def random_loop(seed):
-    """1 to 6 states, 1 to 3 incommensurate delays, stable and unstable, some without A0."""
-    random = np.random.default_rng(seed)
-    n, m = random.integers(1, 7), random.integers(1, 4)
-    rate = 10.0 ** random.uniform(-1.0, 1.0)
-    A0 = rate * (random.normal(size=(n, n)) - random.choice([0.0, 1.0, 3.0]) * np.eye(n))
-    A = [A0 * (random.random() > 0.1)]
-    for _ in range(m):
-        rank = random.integers(1, n + 1)
-        factor = rate * 10.0 ** random.uniform(-1.0, 0.4) / np.sqrt(n * rank)
-        A.append(factor * random.normal(size=(n, rank)) @ random.normal(size=(rank, n)))
-    return A, 10.0 ** random.uniform(-1.5, 0.8, m) / rate
-
-
-def near_boundary(A, delays, shift):
-    """The same loop with every root moved by `shift` to the left, exactly: s -> s + shift."""
-    moved = [A[0] - shift * np.eye(len(A[0]))]
-    return moved + [a * np.exp(-shift * tau) for a, tau in zip(A[1:], delays, strict=True)]
-
-
-def check_roots_and_count(seed):
-    A, delays = random_loop(seed)
-    loop = sc.DelayLTI.from_state_delays(A=A, delays=delays)
-    found = rightmost_roots(CharacteristicMatrix.of(loop.folded), 6, verify=False)
-    right = int(np.sum(found.roots.real > 0.0))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", sc.UndecidedStabilityWarning)
-        count = sc.count_unstable_roots(loop)
-    if count is None:
-        assert np.min(np.abs(found.roots.real)) < 1e-8 * np.abs(A).max()
-    else:
-        assert right == count
-    singular = np.linalg.svd(characteristic_matrix(A, delays, found.roots), compute_uv=False)
-    size = np.abs(found.roots) + sum(
-        np.linalg.norm(a, 2) * np.exp(-found.roots.real * tau)
-        for a, tau in zip(A, [0.0, *delays], strict=True)
-    )
-    assert np.all(singular[:, -1] <= 1e-10 * size)
-    if seed % 4 == 0:
-        # the oracle resolves the rightmost root where it is not too fast; it must be among the roots found
-        rightmost = full_state_roots(A, delays, 24)[0]
-        if abs(rightmost) * max(delays) < 12.0:
-            near = 1e-4 * (abs(rightmost) + np.abs(A[0]).max() + 1e-3)
-            assert np.min(np.abs(found.roots - rightmost)) < near
-    if seed % 3 == 0:
-        distance = 10.0 ** np.random.default_rng(seed).uniform(-13.0, -2.0) * (abs(found.roots[0]) + 1e-3)
-        for side in (-1.0, 1.0):
-            shift = float(found.roots[0].real) + side * distance
-            moved = sc.DelayLTI.from_state_delays(A=near_boundary(A, delays, shift), delays=delays)
-            expected = int(np.sum(found.roots.real > shift))
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", sc.UndecidedStabilityWarning)
-                assert sc.count_unstable_roots(moved) in (expected, None)
-
-
-@pytest.mark.property
-@settings(max_examples=200)
-@given(st.integers(0, 2**31 - 1))
-def test_random_roots_equal_the_argument_principle(seed):
-    check_roots_and_count(seed)
-
-
-@pytest.mark.property
-@pytest.mark.slow
-@settings(max_examples=2000)
-@given(st.integers(2**31, 2**32 - 1))
-def test_many_random_roots_equal_the_argument_principle(seed):
-    check_roots_and_count(seed)
