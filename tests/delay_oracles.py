@@ -46,7 +46,11 @@ def full_state_roots(A, delays, order):
 
 
 def dense_contour_count(A, delays):
-    """Roots with positive real part: turns of the determinant around a half disc that holds them all."""
+    """Roots with positive real part: turns of the determinant around a half disc that holds them all.
+
+    Blind where several roots together lie nearer to the axis than the grid is fine (A[0] = 0 with A[1] of lower
+    rank has some at s = 0): not to be asked of such systems.
+    """
     radius = 1.1 * sum(np.linalg.norm(a, 2) for a in A) + 1.0
     points = int(20_000 + 100 * radius * max(delays))
     while points < 2_000_000:
