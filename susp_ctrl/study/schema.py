@@ -14,7 +14,6 @@ from susp_ctrl.study.audit_schema import AuditSettings
 from susp_ctrl.study.settings import MISSING, SettingError, Settings, nearest, setting
 from susp_ctrl.study.simulation_schema import (
     ISO_CLASSES,
-    PAPER_INDICATORS,
     PadeSettings,
     TimeSettings,
     check_band,
@@ -32,13 +31,16 @@ OBJECTIVES = ("harmonic", "band_mean", "band_peak", "road_rms")
 
 @dataclass(frozen=True)
 class FrequencySettings(Settings):
-    """Frequency responses; |H| per road velocity of eq. (6) for `curve_designs` (all designs if empty)."""
+    """Frequency responses; |H| per road velocity of eq. (6) for `curve_designs` (all designs if empty).
+
+    By default `outputs` are the ride indicators of the vehicle and `curve_outputs` its heave and pitch acceleration.
+    """
 
     omega_from: float = setting(0.5, unit="rad_per_s", above=0.0)
     omega_to: float = setting(150.0, unit="rad_per_s", above=0.0)
     points: int = setting(1500, at_least=10, at_most=200_000)
-    outputs: tuple[str, ...] = setting(PAPER_INDICATORS, not_empty=True)
-    curve_outputs: tuple[str, ...] = setting(("body_acceleration", "pitch_acceleration"), not_empty=True)
+    outputs: tuple[str, ...] = setting(())
+    curve_outputs: tuple[str, ...] = setting(())
     curve_designs: tuple[str, ...] = setting(())
 
     def check(self) -> None:

@@ -9,15 +9,9 @@ from dataclasses import dataclass
 from susp_ctrl.study.settings import MISSING, SettingError, Settings, setting
 from susp_ctrl.study.vehicle_schema import check_key
 
-PAPER_INDICATORS = (
-    "body_acceleration",
-    "pitch_acceleration",
-    "suspension_deflection_front",
-    "suspension_deflection_rear",
-    "tire_deflection_front",
-    "tire_deflection_rear",
-)
 ISO_CLASSES = tuple("ABCDEFGH")
+
+_MOST_SAMPLES = 2_000_000  # of a record: some hundred MB with all outputs
 
 
 def check_band(lower: float, upper: float) -> None:
@@ -75,8 +69,9 @@ class RoadSettings(Settings):
 class TimeSettings(Settings):
     """A simulation on one road, passive car first.
 
-    The record begins after `lead_in` seconds on the road. RMS values are taken at `step` after `skip`. The Padé
-    order is `pade_order`, or else the one that the band up to `pade_omega` needs.
+    The record begins after `lead_in` seconds on the road. RMS values are taken at `step` after `skip`. The outputs
+    are the ride indicators of the vehicle by default. The Padé order is `pade_order`, or else the one that the band
+    up to `pade_omega` needs.
     """
 
     key: str = setting(not_empty=True)
@@ -88,7 +83,7 @@ class TimeSettings(Settings):
     lead_in: float = setting(0.0, unit="s", at_least=0.0)
     skip: float = setting(0.0, unit="s", at_least=0.0)
     designs: tuple[str, ...] = setting(())
-    outputs: tuple[str, ...] = setting(PAPER_INDICATORS, not_empty=True)
+    outputs: tuple[str, ...] = setting(())
     pade_order: int | None = setting(None, at_least=1, at_most=60)
     pade_omega: float = setting(100.0, unit="rad_per_s", above=0.0)
 
@@ -99,6 +94,9 @@ class TimeSettings(Settings):
             raise SettingError("step_s", self.step, f"less than duration_s = {self.duration:g} is needed")
         if self.skip >= self.duration:
             raise SettingError("skip_s", self.skip, f"less than duration_s = {self.duration:g} is needed")
+        if self.duration / self.step > _MOST_SAMPLES:
+            allowed = f"at most {_MOST_SAMPLES:,} steps: with this step_s, duration_s is {self.duration:g}"
+            raise SettingError("step_s", self.step, allowed)
         ratio = self.report_step / self.step
         if ratio < 1 - 1e-9 or abs(ratio - round(ratio)) > 1e-6:
             raise SettingError(

@@ -7,18 +7,20 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import control
 
+from susp_ctrl.delay_systems import FeedbackChannel, close_loop
 from susp_ctrl.errors import InputError
+from susp_ctrl.ride.signals import indicator_signals
 from susp_ctrl.study.audit_schema import AuditSettings
 from susp_ctrl.study.schema import StudySettings
 from susp_ctrl.study.settings import Place, SettingError, nearest
-from susp_ctrl.study.vehicle_schema import PASSIVE
+from susp_ctrl.study.vehicle_schema import PASSIVE, feedback_channels
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
 
 _STEP = re.compile(r"([A-Za-z0-9_]+)(?:\[([^\]]+)\])?(?:\.|$)")
@@ -55,7 +57,7 @@ class Study:
             One line ``file: key = value: what is allowed``.
         """
         place = Place(file)
-        settings = StudySettings.from_table(place, table)
+        settings = _with_indicators(StudySettings.from_table(place, table))
         try:
             _check_references(settings)
         except SettingError as problem:
@@ -160,6 +162,21 @@ def road_inputs(plant: control.StateSpace) -> list[str]:
     return [name for name in plant.input_labels if name.split("_")[0] == "road"]
 
 
+def _with_indicators(study: StudySettings) -> StudySettings:
+    """Fill in the outputs that the file leaves to the vehicle: its ride indicators."""
+    indicators = tuple(indicator_signals(study.vehicle.build().plant().output_labels))
+    heave_and_pitch = tuple(n for n in indicators if n in ("body_acceleration", "pitch_acceleration"))
+    frequency = study.frequency
+    if frequency is not None:
+        frequency = replace(
+            frequency,
+            outputs=frequency.outputs or indicators,
+            curve_outputs=frequency.curve_outputs or heave_and_pitch,
+        )
+    time = tuple(replace(case, outputs=case.outputs or indicators) for case in study.time)
+    return replace(study, frequency=frequency, time=time)
+
+
 # --- what one part of a study says of another ---------------------------------------------------------------------
 
 
@@ -177,6 +194,7 @@ def _check_references(study: StudySettings) -> None:
 
     for design in study.designs:
         _check_channels(f"designs[{design.key}].channels", design.channels, outputs, actuators)
+        _check_loop(f"designs[{design.key}].channels", plant, feedback_channels(design.channels))
     if study.frequency is not None:
         _among("frequency.outputs", study.frequency.outputs, outputs)
         _among("frequency.curve_outputs", study.frequency.curve_outputs, outputs)
@@ -184,6 +202,7 @@ def _check_references(study: StudySettings) -> None:
     for tuning in study.tuning:
         place = f"tuning[{tuning.key}]"
         _check_channels(f"{place}.pairs", tuning.pairs, outputs, actuators)
+        _check_loop(f"{place}.pairs", plant, [pair.widest for pair in tuning.pairs])
         for name in tuning.weights:
             if name not in outputs:
                 raise SettingError(f"{place}.weights.{name}", tuning.weights[name], nearest(name, outputs))
@@ -238,6 +257,15 @@ def _check_channels(place: str, channels: Iterable[Any], outputs: list[str], act
             value = getattr(channel, name)
             if value not in allowed:
                 raise SettingError(f"{place}[{n}].{name}", value, nearest(value, allowed))
+
+
+def _check_loop(place: str, plant: control.StateSpace, channels: Iterable[FeedbackChannel]) -> None:
+    """Refuse loops that are neutral or have no solution."""
+    paths = list(channels)
+    try:
+        close_loop(plant, paths)
+    except InputError as problem:
+        raise SettingError(place, [str(path.measured) for path in paths], str(problem)) from None
 
 
 def _unique(place: str, keys: list[str]) -> list[str]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Self
 
+from susp_ctrl.delay_systems import FeedbackChannel
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride import signal_unit
 from susp_ctrl.study.settings import (
@@ -141,6 +142,12 @@ class PairSettings(_Feedback):
     delay_to: float = setting(1.0, unit="s", at_least=0.0)
     actuator_bandwidth: float | None = setting(None, unit="rad_per_s", above=0.0)
 
+    @property
+    def widest(self) -> FeedbackChannel:
+        """The channel at the corner of the bounds."""
+        gain = max(self.gain_from, self.gain_to, key=abs)
+        return FeedbackChannel(self.measured, self.actuator, gain, self.delay_to, self.actuator_bandwidth)
+
     def check(self) -> None:
         """Refuse lower bounds above upper ones."""
         _check_increasing("gain_from", self.gain_from, "gain_to", self.gain_to)
@@ -168,3 +175,10 @@ class DesignSettings(Settings):
         check_key(self.key)
         if self.key == PASSIVE:
             raise SettingError("key", self.key, "this key is taken by the car without control")
+
+
+def feedback_channels(channels: Iterable[ChannelSettings]) -> tuple[FeedbackChannel, ...]:
+    """Return the channels of a design as the delay systems take them."""
+    return tuple(
+        FeedbackChannel(c.measured, c.actuator, c.gain, c.delay, c.actuator_bandwidth) for c in channels
+    )

@@ -9,11 +9,11 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from susp_ctrl.delay_systems import DelayLTI, FeedbackChannel, close_loop
+from susp_ctrl.delay_systems import DelayLTI, close_loop
 from susp_ctrl.study.result import Design
 from susp_ctrl.study.simulation_schema import RoadSettings
 from susp_ctrl.study.study_file import Study
-from susp_ctrl.study.vehicle_schema import PASSIVE, DesignSettings
+from susp_ctrl.study.vehicle_schema import PASSIVE, DesignSettings, feedback_channels
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -107,16 +107,10 @@ class Workbench:
         return np.einsum("ijn,jn->in", values[:, columns], phases)
 
 
-def feedback_channels(settings: DesignSettings) -> tuple[FeedbackChannel, ...]:
-    """Return the channels of a design in a study file."""
-    return tuple(
-        FeedbackChannel(c.measured, c.actuator, c.gain, c.delay, c.actuator_bandwidth)
-        for c in settings.channels
-    )
-
-
 def _published(settings: DesignSettings) -> Design:
-    return Design(settings.key, settings.label, "published", feedback_channels(settings), settings.reference)
+    return Design(
+        settings.key, settings.label, "published", feedback_channels(settings.channels), settings.reference
+    )
 
 
 def road_text(road: RoadSettings, speed: float) -> str:

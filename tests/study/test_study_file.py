@@ -58,6 +58,27 @@ def test_sections_that_are_not_given_are_none(tmp_path):
     assert study.vehicle == sc.HalfCar()
 
 
+def test_outputs_left_to_the_vehicle_are_its_ride_indicators(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(
+        """
+name = "bare"
+title = "Bare"
+vehicle = { kind = "quarter_car" }
+frequency = {}
+[[time]]
+key = "bump"
+label = "bump"
+road = { kind = "bump", height_m = 0.05, length_m = 2.0 }
+""",
+        encoding="utf-8",
+    )
+    settings = sc.load_study(path).settings
+    assert settings.frequency.outputs == ("body_acceleration", "suspension_deflection", "tire_deflection")
+    assert settings.frequency.curve_outputs == ("body_acceleration",)
+    assert settings.time[0].outputs == settings.frequency.outputs
+
+
 def test_changes_reach_any_key(study):
     changed = study.with_changes(
         {

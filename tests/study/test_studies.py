@@ -1,0 +1,90 @@
+"""Every study of the folder `studies` runs, at a small size, and says what it promises."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import susp_ctrl as sc
+from susp_ctrl.study import compute_study
+
+pytestmark = [pytest.mark.end_to_end, pytest.mark.filterwarnings("ignore::susp_ctrl.errors.PadeOrderWarning")]
+
+FOLDER = Path(__file__).parents[2] / "studies"
+
+
+def shrunk(study):
+    """The same study with short records, few particles and few points."""
+    settings, changes = study.settings, {}
+    if settings.frequency is not None:
+        changes["frequency.points"] = 30
+    for search in settings.tuning:
+        changes |= {f"tuning[{search.key}].particles": 10, f"tuning[{search.key}].iterations": 4}
+    for case in settings.time:
+        changes |= {f"time[{case.key}].duration_s": 1.0, f"time[{case.key}].lead_in_s": 0.0}
+        changes |= {f"time[{case.key}].pade_order": 3}
+    if settings.pade is not None:
+        changes |= {"pade.orders": list(settings.pade.orders[:2]), "pade.points": 30}
+    return study.with_changes(changes)
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.toml")), ids=lambda path: path.stem)
+def test_study_runs(path):
+    study = sc.load_study(path)
+    assert study.name == path.stem
+    run = compute_study(shrunk(study))
+    asked = study.settings
+    assert (run.frequency is None) == (asked.frequency is None)
+    assert (run.stability is None) == (asked.stability is None)
+    assert (run.audit is None) == (asked.audit is None)
+    assert [case.key for case in run.time] == [case.key for case in asked.time]
+    assert {case.design for case in run.pade} == set(asked.pade.cases if asked.pade is not None else ())
+    assert [search.key for search in run.tuning] == [search.key for search in asked.tuning]
+    assert run.headlines
+    assert not run.undecided
+    for case in run.time:
+        for history in case.histories.values():
+            assert np.all(np.isfinite(history))
+
+
+def script(name):
+    specification = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+def chatter_limit(module, periods):
+    """Smallest chip width with a root on the axis for even spacing, 1 = -k (1 - e^{-jwt}) G(jw) with Re G < 0."""
+    omega = np.linspace(1.0001, 3.0, 400_001) * module.FREQUENCY
+    compliance = 1.0 / (1 - (omega / module.FREQUENCY) ** 2 + 2j * module.DAMPING * omega / module.FREQUENCY)
+    width = -1.0 / (2 * compliance.real)
+    # e^{-jwt} = 1 + 1/(k G) gives the phase of the wave left behind
+    phase = (-np.angle(1 + 1 / (width * compliance))) % (2 * np.pi)
+    tau = periods * 2 * np.pi / module.FREQUENCY
+    limits = []
+    for turn in range(int(3.0 * periods) + 2):
+        delay = (phase + 2 * np.pi * turn) / omega
+        cross = np.flatnonzero(np.diff(np.sign(delay - tau)) != 0)
+        limits += list(width[cross])
+    return min(limits)
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("period", [2.2, 2.6, 3.0])
+def test_chatter_limit_against_the_closed_form_of_regenerative_cutting(period):
+    module = script("variable_pitch_milling")
+    tau = period * 2 * np.pi / module.FREQUENCY
+    found = module.limit(tau, 1.0, steps=14)
+    assert found == pytest.approx(chatter_limit(module, period), abs=2.0 / 2**13)
+    assert found > 2 * module.DAMPING * (1 + module.DAMPING) - 1e-3
+
+
+def test_milling_study_prints(capsys):
+    module = script("variable_pitch_milling")
+    table = module.study(periods=(2.6,), spacings=(1.0, 0.8))
+    assert table.shape == (1, 2)
+    assert table.loc[2.6, "spacing 0.8"] > table.loc[2.6, "spacing 1"]
