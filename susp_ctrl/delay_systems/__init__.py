@@ -15,6 +15,7 @@ from susp_ctrl.delay_systems.delay_independence import (
 )
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.discretization import spectral_approximation
+from susp_ctrl.delay_systems.map_result import StabilityMap
 from susp_ctrl.delay_systems.margins import StabilityMargins, stability_margins
 from susp_ctrl.delay_systems.norms import h2_norm, hinf_norm, output_rms
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
@@ -23,6 +24,7 @@ from susp_ctrl.delay_systems.roots import characteristic_roots, spectral_absciss
 from susp_ctrl.delay_systems.simulation import SimulationResponse, simulate
 from susp_ctrl.delay_systems.sweep import sweep_delays
 from susp_ctrl.delay_systems.sweep_result import DelaySweep
+from susp_ctrl.delay_systems.two_delay_map import stability_map
 from susp_ctrl.delay_systems.verdict import StabilityVerdict, stability
 
 __all__ = [
@@ -32,6 +34,7 @@ __all__ = [
     "FeedbackChannel",
     "RootLocus",
     "SimulationResponse",
+    "StabilityMap",
     "StabilityMargins",
     "StabilityVerdict",
     "append",
@@ -59,6 +62,7 @@ __all__ = [
     "spectral_abscissa",
     "spectral_approximation",
     "stability",
+    "stability_map",
     "stability_margins",
     "sweep_delays",
 ]

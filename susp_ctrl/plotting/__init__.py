@@ -14,6 +14,7 @@ from susp_ctrl.plotting.histories import draw_history, draw_road
 from susp_ctrl.plotting.roots import draw_root_locus, draw_roots
 from susp_ctrl.plotting.search import draw_convergence, draw_detuning
 from susp_ctrl.plotting.stability import draw_intervals, draw_unit_modulus
+from susp_ctrl.plotting.stability_map import draw_stability_map
 from susp_ctrl.plotting.style import (
     axes_for,
     curve_style,
@@ -40,6 +41,7 @@ __all__ = [
     "draw_road",
     "draw_root_locus",
     "draw_roots",
+    "draw_stability_map",
     "draw_trade_off",
     "draw_unit_modulus",
     "frequency_axis",

@@ -1,0 +1,168 @@
+r"""Crossing curves over two delays that are shared by several signals each: traced numerically.
+
+On a grid of frequency and first angle :math:`\theta_1` the eigenvalues :math:`\mu_i` of
+
+.. math:: M = P_{22} + P_{21} z_1 (I - P_{11} z_1)^{-1} P_{12}, \qquad z_1 = e^{-j\theta_1},
+
+say which :math:`z_2 = 1/\mu_i` close the second delay: a root is on the axis where ``|mu_i| = 1``. The sign of
+:math:`\prod_i (1 - |\mu_i|^2)` changes across the curve. Every edge of the grid on which it does gives a point,
+polished on the exact equation, and every cell joins its points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from susp_ctrl.delay_systems.crossing_plane import Axis, loop_samples
+from susp_ctrl.delay_systems.delay_line import LoopMatrices
+from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.map_segments import Segments
+from susp_ctrl.delay_systems.small_gain import small_gain_bands
+
+_ANGLES = 192
+
+
+class _Blocks:
+    """The loop at (frequency, angle) points: eigenvalues, and the exact point on an edge."""
+
+    def __init__(self, loop: LoopMatrices, owner: np.ndarray, delays: FloatArray) -> None:
+        self.loop, self.owner, self.delays = loop, owner, delays
+
+    def eigenvalues(self, omega: FloatArray, theta: FloatArray) -> ComplexArray:
+        """Return the mu_i, shape (points, width of the second block)."""
+        P = loop_samples(self.loop, omega)
+        phase = np.where(self.owner == 0, theta[:, None], omega[:, None] * self.delays * (self.owner < 0))
+        PE = P * np.exp(-1j * phase)[:, None, :]
+        second = self.owner == 1
+        rest = ~second
+        inner = np.eye(int(rest.sum())) - PE[:, rest][:, :, rest]
+        M = PE[:, second][:, :, second] + PE[:, second][:, :, rest] @ np.linalg.solve(
+            inner, PE[:, rest][:, :, second]
+        )
+        return np.linalg.eigvals(M).astype(complex)
+
+    def level(self, omega: FloatArray, theta: FloatArray) -> FloatArray:
+        """Return the product whose sign changes across a curve."""
+        size2 = np.abs(self.eigenvalues(omega, theta)) ** 2
+        return np.prod((1.0 - size2) / (1.0 + size2), axis=1)
+
+
+def trace_blocks(loop: LoopMatrices, owner: np.ndarray, delays: FloatArray, x: Axis, y: Axis) -> Segments:
+    """Return the crossing curves over the first (`owner` 0) and the second delay (`owner` 1).
+
+    `owner` -1 marks channels of other delays, fixed at `delays`.
+    """
+    bands = small_gain_bands(loop)
+    if bands.centre.size == 0:
+        return Segments.joined([])
+    blocks = _Blocks(loop, owner, delays)
+    omega = _frequencies(bands.centre, bands.half, max(x.high, y.high))
+    theta = np.linspace(0.0, 2.0 * np.pi, _ANGLES + 1)
+    W, T = np.meshgrid(omega, theta[:-1] + 1e-7, indexing="ij")
+    level = blocks.level(W.ravel(), T.ravel()).reshape(W.shape)
+    level = np.hstack([level, level[:, :1]])
+    W, T = np.hstack([W, W[:, :1]]), np.hstack([T, T[:, :1] + 2.0 * np.pi])
+    positive = level > 0.0
+    along_omega = np.argwhere(positive[1:] != positive[:-1])
+    along_theta = np.argwhere(positive[:, 1:] != positive[:, :-1])
+    first = _edge_points(blocks, W, T, along_omega, np.array([1, 0]))
+    second = _edge_points(blocks, W, T, along_theta, np.array([0, 1]))
+    number_omega = np.full((W.shape[0] - 1, W.shape[1]), -1)
+    number_omega[tuple(along_omega.T)] = np.arange(len(along_omega))
+    number_theta = np.full((W.shape[0], W.shape[1] - 1), -1)
+    number_theta[tuple(along_theta.T)] = np.arange(len(along_theta)) + len(along_omega)
+    points = np.vstack([first, second])
+    edges = np.stack(
+        [number_omega[:, :-1], number_theta[1:], number_omega[:, 1:], number_theta[:-1]], axis=-1
+    )
+    cells = edges.reshape(-1, 4)
+    met = np.sum(cells >= 0, axis=1)
+    pairs = [np.sort(cells[met == 2], axis=1)[:, 2:]]
+    # Four points: the branches pass each other; join neighbours by their second angle.
+    for cell in cells[met == 4]:
+        second_angle = np.exp(1j * points[cell, 2])
+        straight = abs(second_angle[0] - second_angle[1]) + abs(second_angle[2] - second_angle[3])
+        crossed = abs(second_angle[0] - second_angle[3]) + abs(second_angle[1] - second_angle[2])
+        pairs.append(cell[[0, 1, 2, 3] if straight <= crossed else [0, 3, 1, 2]].reshape(2, 2))
+    return _unrolled(blocks, points, np.vstack(pairs), x, y)
+
+
+def _frequencies(centre: FloatArray, half: FloatArray, longest: float) -> FloatArray:
+    """Frequencies in the bands, close enough for the resonances and for the turns of the delays."""
+    parts = np.clip(np.ceil(2.0 * half * longest / 0.15), 8, 400).astype(int)
+    grid = [c + h * np.linspace(-1.0, 1.0, n + 1) for c, h, n in zip(centre, half, parts, strict=True)]
+    top = float((centre + half).max())
+    omega = np.unique(np.concatenate([*grid, np.geomspace(1e-4 * top, top, 60)]))
+    omega = omega[omega >= 1e-4 * top]
+    return omega[np.append(True, np.diff(omega) > 1e-9 * omega[1:])]
+
+
+def _edge_points(
+    blocks: _Blocks, W: FloatArray, T: FloatArray, edges: np.ndarray, step: np.ndarray
+) -> FloatArray:
+    """Bisect along each edge on the level; return omega, theta1, theta2 of the eigenvalue nearest to the circle."""
+    if len(edges) == 0:
+        return np.zeros((0, 3))
+    a, b = tuple(edges.T), tuple((edges + step).T)
+    low = np.column_stack([W[a], T[a]])
+    high = np.column_stack([W[b], T[b]])
+    sign = blocks.level(*low.T) > 0.0
+    for _ in range(34):
+        middle = 0.5 * (low + high)
+        same = (blocks.level(*middle.T) > 0.0) == sign
+        low, high = np.where(same[:, None], middle, low), np.where(same[:, None], high, middle)
+    point = 0.5 * (low + high)
+    mu = blocks.eigenvalues(*point.T)
+    nearest = np.argmin(np.abs(np.log(np.abs(mu))), axis=1)
+    return np.column_stack([point, np.angle(mu[np.arange(len(mu)), nearest])])
+
+
+def _unrolled(blocks: _Blocks, points: FloatArray, pairs: np.ndarray, x: Axis, y: Axis) -> Segments:
+    """Orient each piece and repeat it for every turn of both delays."""
+    a, b = points[pairs[:, 0]], points[pairs[:, 1]].copy()
+    b[:, 1:] = a[:, 1:] + (b[:, 1:] - a[:, 1:] + np.pi) % (2.0 * np.pi) - np.pi
+    flip = np.sum((b - a) * _tangent(blocks, 0.5 * (a + b)), axis=1) < 0.0
+    a[flip], b[flip] = b[flip].copy(), a[flip].copy()
+    columns: list[np.ndarray] = []
+    index = np.arange(len(a))
+    for place, axis in ((1, x), (2, y)):
+        w0, w1, u, v = a[index, 0], b[index, 0], a[index, place], b[index, place]
+        first = np.ceil((axis.low * np.minimum(w0, w1) - np.maximum(u, v)) / (2.0 * np.pi))
+        last = np.floor((axis.high * np.maximum(w0, w1) - np.minimum(u, v)) / (2.0 * np.pi))
+        repeats = np.maximum(last - first + 1, 0).astype(int)
+        columns = [np.repeat(column, repeats) for column in columns]
+        begin = np.repeat(np.cumsum(repeats) - repeats, repeats)
+        turn = 2.0 * np.pi * (np.repeat(first, repeats) + np.arange(repeats.sum()) - begin)
+        index = np.repeat(index, repeats)
+        columns += [(a[index, place] + turn) / a[index, 0], (b[index, place] + turn) / b[index, 0]]
+    return Segments(
+        np.column_stack([columns[0], columns[2]]), np.column_stack([columns[1], columns[3]]),
+        np.full(index.size, 2), 0.5 * (a[index, 0] + b[index, 0]),
+    )  # fmt: skip
+
+
+def _tangent(blocks: _Blocks, points: FloatArray) -> FloatArray:
+    """Return the direction of the curve in (omega, theta1, theta2) along which more roots lie to the right.
+
+    It is the cross product of the gradients of real and imaginary part of the characteristic function; angles
+    in place of delays leave the sense unchanged.
+    """
+    P = loop_samples(blocks.loop, points[:, 0])
+    n, m = blocks.loop.n_states, blocks.loop.n_channels
+    owner, fixed = blocks.owner, np.where(blocks.owner < 0, blocks.delays, 0.0)
+    phase = np.where(owner == 0, points[:, 1:2], np.where(owner == 1, points[:, 2:3], points[:, :1] * fixed))
+    E = np.exp(-1j * phase)
+    T = np.eye(m) - P * E[:, None, :]
+    left, _, right = np.linalg.svd(T)
+    u, v = left[:, :, -1].conj(), right[:, -1, :].conj()
+    resolvent = np.linalg.inv(1j * points[:, 0, None, None] * np.eye(n) - blocks.loop.A)
+    slope = -1j * blocks.loop.C @ resolvent @ resolvent @ blocks.loop.B
+    Ev = E * v
+
+    def derivative(matrix: ComplexArray, vector: ComplexArray) -> ComplexArray:
+        return np.einsum("pi,pij,pj->p", u, matrix, vector)
+
+    by_omega = -derivative(slope, Ev) + 1j * derivative(P, fixed * Ev)
+    by_first, by_second = 1j * derivative(P, (owner == 0) * Ev), 1j * derivative(P, (owner == 1) * Ev)
+    gradient = np.stack([by_omega, by_first, by_second], axis=1)
+    return np.cross(gradient.real, gradient.imag)
