@@ -132,6 +132,8 @@ class Table:
         The rows that the document shows, where they are not those of `frame`.
     in_document : bool
         False for a table that is only written as CSV (long histories).
+    spans : tuple of (str, int)
+        Headings above the headings, each over a number of columns; they may hold line breaks.
     whole : bool
         Keep the table on one page.
     emphasis : str
@@ -148,6 +150,7 @@ class Table:
     in_document: bool = True
     whole: bool = False
     emphasis: str = ""
+    spans: tuple[tuple[str, int], ...] = ()
 
     def cells(self) -> list[dict[str, Any]]:
         """Return the rows as shown: ``{"group": text}`` or ``{"cells": [texts], "strong": bool}``."""

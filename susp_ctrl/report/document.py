@@ -68,9 +68,11 @@ def payload(run: StudyRun, sections: Sequence[Section], figure_folder: str = "fi
         "sections": [
             {
                 "title": prose(section.title),
+                # Figures float: without a page break they would stray into the next section.
+                "new_page": bool(section.figures or (before is not None and before.figures)),
                 "blocks": [block_data(b, figure_folder) for b in section.blocks if _is_shown(b)],
             }
-            for section in sections
+            for before, section in zip([None, *sections], sections, strict=False)
         ],
     }
 
@@ -115,6 +117,7 @@ def block_data(block: Block, figure_folder: str) -> dict[str, Any]:
                 "columns": [
                     {"heading": c.heading, "align": c.align, "wrap": c.kind == "long"} for c in block.columns
                 ],
+                "spans": [{"text": text, "count": count} for text, count in block.spans],
                 "rows": rows,
             }
     assert_never(block)

@@ -210,6 +210,9 @@ def table_html(table: Table) -> str:
         f"<th{side}>{html.escape(column.heading)}</th>"
         for side, column in zip(sides, table.columns, strict=True)
     )
+    if table.spans:
+        spans = "".join(f'<th colspan="{count}">{html.escape(text)}</th>' for text, count in table.spans)
+        head = f"{spans}</tr><tr>{head}"
     body = []
     for row in table.cells():
         if "group" in row:

@@ -31,6 +31,15 @@ def frequency_section(run: StudyRun) -> Section | None:
             "wheelbase, “in phase” that it meets all wheels at once."
         )
     ]
+    rows = " Upper row: lagged road; lower row: wheels in phase." if data.velocity_gain_in_phase else ""
+    blocks += [
+        Figure(
+            key="velocity_gain",
+            caption=f"|H| per road velocity of passive car, published and tuned designs.{rows}",
+            draw=partial(_velocity_gain, run, data),
+        ),
+        _peaks_table(run, data),
+    ]
     for output in [name for name in _BODE_OUTPUTS if name in data.outputs] or list(data.outputs[:2]):
         blocks.append(
             Figure(
@@ -40,36 +49,35 @@ def frequency_section(run: StudyRun) -> Section | None:
                 draw=partial(_bode, run, data, output),
             )
         )
-    rows = " Upper row: lagged road; lower row: wheels in phase." if data.velocity_gain_in_phase else ""
-    blocks += [
-        Figure(
-            key="velocity_gain",
-            caption=f"|H| per road velocity of passive car, published and tuned designs.{rows}",
-            draw=partial(_velocity_gain, run, data),
-        ),
-        Table(
-            key="frequency_peaks",
-            caption="Highest point of |H| per road velocity.",
-            frame=data.peaks,
-            shown=_by_curve(data),
-            columns=(
-                Column("design", "design", words=labels(run)),
-                Column("omega_rad_per_s", "ω (rad/s)", "number", 4),
-                Column("frequency_Hz", "f (Hz)", "number", 4),
-                Column("gain", "|H|", "number", 4),
-            ),
-            group="curve",
-        ),
-    ]
     return Section("Frequency response", tuple(blocks))
 
 
-def _by_curve(data: FrequencySection) -> pd.DataFrame:
-    curve = [
-        with_unit(f"{signal_text(output)}, {road}", unit)
-        for output, road, unit in data.peaks[["output", "road", "unit"]].itertuples(index=False)
-    ]
-    return data.peaks.assign(curve=curve).sort_values("curve", kind="stable")
+def _peaks_table(run: StudyRun, data: FrequencySection) -> Table:
+    # One line per design, one pair of columns per curve: where its highest point is, and how high.
+    peaks = data.peaks
+    curves = (
+        peaks[["output", "road", "unit"]]
+        .drop_duplicates()
+        .sort_values(["road", "output"], ascending=[False, True])
+    )
+    shown = pd.DataFrame({"design": list(dict.fromkeys(peaks["design"]))})
+    columns = [Column("design", "design", words=labels(run))]
+    spans = [("", 1)]
+    for number, (output, road, unit) in enumerate(curves.itertuples(index=False)):
+        curve = peaks[(peaks["output"] == output) & (peaks["road"] == road)].set_index("design")
+        shown[f"frequency_{number}"] = curve["frequency_Hz"].reindex(shown["design"]).to_numpy()
+        shown[f"gain_{number}"] = curve["gain"].reindex(shown["design"]).to_numpy()
+        columns.append(Column(f"frequency_{number}", "f (Hz)", "number", 4))
+        columns.append(Column(f"gain_{number}", with_unit("|H|", unit), "number", 4))
+        spans.append((f"{signal_text(output)}\n{road}", 2))
+    return Table(
+        key="frequency_peaks",
+        caption="Highest point of |H| per road velocity.",
+        frame=peaks,
+        shown=shown,
+        columns=tuple(columns),
+        spans=tuple(spans),
+    )
 
 
 def _bode(run: StudyRun, data: FrequencySection, output: str) -> MatplotlibFigure:

@@ -29,10 +29,18 @@ def pade_section(run: StudyRun) -> Section | None:
     names = labels(run)
     blocks: list[Block] = [
         Text(
-            "The same loops with every delay replaced by a Padé approximation. The order must grow with delay times "
-            "frequency: below about ωτ/2 the approximation is wrong in amplitude, root and verdict alike."
+            "The same loops with every delay replaced by a Padé approximation. It has the right amplitude everywhere, "
+            "but the right phase only up to a frequency that grows with its order: an order of ωτ/2 and a few more is "
+            "needed. Roots and responses below that frequency are accurate, those above it are not."
         )
     ]
+    blocks.append(
+        Figure(
+            key="pade_error",
+            caption="Errors of Padé against exact delays over the order. Dotted: the order recommended for the band.",
+            draw=partial(_draw, run, run.pade),
+        )
+    )
     for case in run.pade:
         low, high = (number_text(omega, 3) for omega in case.band)
         needed = ", ".join(map(str, case.recommended_order))
@@ -52,13 +60,6 @@ def pade_section(run: StudyRun) -> Section | None:
                 note=f"Band {low} to {high} rad/s; order recommended for it, one per channel: {needed}.",
             )
         )
-    blocks.append(
-        Figure(
-            key="pade_error",
-            caption="Errors of Padé against exact delays over the order. Dotted: the order recommended for the band.",
-            draw=partial(_draw, run, run.pade),
-        )
-    )
     return Section("Padé against exact delays", tuple(blocks))
 
 
@@ -86,5 +87,5 @@ def _draw(run: StudyRun, cases: tuple[PadeCase, ...]) -> MatplotlibFigure:
         )
     for ax in axes.flat[len(cases) :]:
         ax.set_visible(False)
-    shared_legend(figure, axes, columns=3)
+    shared_legend(figure, axes, columns=2)
     return figure

@@ -176,7 +176,7 @@ def _draw_sweeps(run: StudyRun, lines: list[DelayLine]) -> MatplotlibFigure:
 
     columns = min(len(lines), 3)
     rows = -(-len(lines) // columns)
-    figure, axes = new_figure(rows, columns, height=0.5 + 1.8 * rows, sharex=True)
+    figure, axes = new_figure(rows, columns, height=0.5 + 1.65 * rows, sharex=True)
     names = labels(run)
     for number, (ax, line) in enumerate(zip(axes.flat, lines, strict=False)):
         curves = [_curve_name(name) for name in line.figure_names]
@@ -209,7 +209,7 @@ def _draw_intervals(run: StudyRun, data: StabilitySection) -> MatplotlibFigure:
     kinds = list(dict.fromkeys(line.line for line in data.lines))
     counts = [sum(line.line == kind for line in data.lines) for kind in kinds]
     figure, axes = new_figure(
-        len(kinds), 1, height=0.5 + sum(0.62 + 0.27 * count for count in counts), height_ratios=counts
+        len(kinds), 1, height=0.5 + sum(0.55 + 0.21 * count for count in counts), height_ratios=counts
     )
     for ax, kind in zip(axes[:, 0], kinds, strict=True):
         same = [line for line in data.lines if line.line == kind]
