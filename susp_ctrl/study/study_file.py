@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,13 +14,11 @@ from typing import Any
 
 import control
 
-from susp_ctrl.delay_systems import FeedbackChannel, close_loop
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride.signals import indicator_signals
-from susp_ctrl.study.audit_schema import AuditSettings
+from susp_ctrl.study.references import check_references
 from susp_ctrl.study.schema import StudySettings
-from susp_ctrl.study.settings import Place, SettingError, nearest
-from susp_ctrl.study.vehicle_schema import PASSIVE, feedback_channels
+from susp_ctrl.study.settings import Place, SettingError
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
 
 _STEP = re.compile(r"([A-Za-z0-9_]+)(?:\[([^\]]+)\])?(?:\.|$)")
@@ -59,7 +57,7 @@ class Study:
         place = Place(file)
         settings = _with_indicators(StudySettings.from_table(place, table))
         try:
-            _check_references(settings)
+            check_references(settings)
         except SettingError as problem:
             raise place.error(problem) from None
         return cls(settings, file, sha256, table)
@@ -175,112 +173,6 @@ def _with_indicators(study: StudySettings) -> StudySettings:
         )
     time = tuple(replace(case, outputs=case.outputs or indicators) for case in study.time)
     return replace(study, frequency=frequency, time=time)
-
-
-# --- what one part of a study says of another ---------------------------------------------------------------------
-
-
-def _check_references(study: StudySettings) -> None:
-    """Check signals against the plant, and keys of designs and time cases against those that exist."""
-    plant = study.vehicle.build().plant()
-    outputs, actuators = list(plant.output_labels), [n for n in plant.input_labels if n.startswith("force")]
-    published = _unique("designs", [d.key for d in study.designs])
-    tuned = _unique("tuning", [t.key for t in study.tuning])
-    cases = _unique("time", [t.key for t in study.time])
-    for k in tuned:
-        if k in published or k == PASSIVE:
-            raise SettingError(f"tuning[{k}].key", k, "this key is taken by another design")
-    designs = [*published, *tuned]
-
-    for design in study.designs:
-        _check_channels(f"designs[{design.key}].channels", design.channels, outputs, actuators)
-        _check_loop(f"designs[{design.key}].channels", plant, feedback_channels(design.channels))
-    if study.frequency is not None:
-        _among("frequency.outputs", study.frequency.outputs, outputs)
-        _among("frequency.curve_outputs", study.frequency.curve_outputs, outputs)
-        _among("frequency.curve_designs", study.frequency.curve_designs, [PASSIVE, *designs])
-    for tuning in study.tuning:
-        place = f"tuning[{tuning.key}]"
-        _check_channels(f"{place}.pairs", tuning.pairs, outputs, actuators)
-        _check_loop(f"{place}.pairs", plant, [pair.widest for pair in tuning.pairs])
-        for name in tuning.weights:
-            if name not in outputs:
-                raise SettingError(f"{place}.weights.{name}", tuning.weights[name], nearest(name, outputs))
-        _among(f"{place}.compare", tuning.compare, designs)
-    if study.stability is not None:
-        _among("stability.designs", study.stability.designs, designs)
-        _check_channels("stability.box", study.stability.box, outputs, actuators)
-    for case in study.time:
-        _among(f"time[{case.key}].designs", case.designs, designs)
-        _among(f"time[{case.key}].outputs", case.outputs, outputs)
-    if study.pade is not None:
-        for design_key, case_key in study.pade.cases.items():
-            if design_key not in designs:
-                raise SettingError(
-                    f"pade.cases.{design_key}", case_key, f"no such design, {nearest(design_key, designs)}"
-                )
-            _among(f"pade.cases.{design_key}", [case_key], cases)
-    if study.audit is not None:
-        _check_audit(study.audit, study, designs, outputs, cases)
-
-
-def _check_audit(
-    audit: AuditSettings, study: StudySettings, designs: list[str], outputs: list[str], cases: list[str]
-) -> None:
-    tuned = [t.key for t in study.tuning]
-    for n, table in enumerate(audit.tables, 1):
-        place = f"audit.tables[{n}]"
-        _among(f"{place}.time", [table.time], cases)
-        case = next(c for c in study.time if c.key == table.time)
-        _among(f"{place}.active", [table.active], list(case.designs))
-        for m, row in enumerate(table.rows, 1):
-            _among(f"{place}.rows[{m}].indicator", [row.indicator], list(case.outputs))
-    for n, roots in enumerate(audit.roots, 1):
-        _among(f"audit.roots[{n}].design", [roots.design], designs)
-        if roots.substitutions and study.vehicle.kind != "half_car":
-            raise SettingError(
-                f"audit.roots[{n}].substitutions", study.vehicle.kind, "only a half_car has them"
-            )
-    for n, interval in enumerate(audit.intervals, 1):
-        _among(f"audit.intervals[{n}].design", [interval.design], designs)
-    for n, peak in enumerate(audit.peaks, 1):
-        _among(f"audit.peaks[{n}].design", [peak.design], [PASSIVE, *designs])
-        _among(f"audit.peaks[{n}].output", [peak.output], outputs)
-    for n, optimum in enumerate(audit.optima, 1):
-        _among(f"audit.optima[{n}].published", [optimum.published], [d.key for d in study.designs])
-        _among(f"audit.optima[{n}].tuned", [optimum.tuned], tuned)
-
-
-def _check_channels(place: str, channels: Iterable[Any], outputs: list[str], actuators: list[str]) -> None:
-    for n, channel in enumerate(channels, 1):
-        for name, allowed in (("measured", outputs), ("actuator", actuators)):
-            value = getattr(channel, name)
-            if value not in allowed:
-                raise SettingError(f"{place}[{n}].{name}", value, nearest(value, allowed))
-
-
-def _check_loop(place: str, plant: control.StateSpace, channels: Iterable[FeedbackChannel]) -> None:
-    """Refuse loops that are neutral or have no solution."""
-    paths = list(channels)
-    try:
-        close_loop(plant, paths)
-    except InputError as problem:
-        raise SettingError(place, [str(path.measured) for path in paths], str(problem)) from None
-
-
-def _unique(place: str, keys: list[str]) -> list[str]:
-    for n, k in enumerate(keys):
-        if k in keys[:n]:
-            raise SettingError(f"{place}[{k}].key", k, "every key may be used only once")
-    return keys
-
-
-def _among(place: str, given: Iterable[str], allowed: list[str]) -> None:
-    for value in given:
-        if value not in allowed:
-            raise SettingError(
-                place, value, nearest(value, allowed) if allowed else "there is none in this study"
-            )
 
 
 def _set(table: dict[str, Any], path: str, value: Any) -> None:
