@@ -58,6 +58,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "hinf_norm",
         "output_rms",
         "simulate",
+        "simulate_many",
         "steady_response",
         "compare_pade",
         "pade_order",

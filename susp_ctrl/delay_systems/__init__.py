@@ -21,10 +21,12 @@ from susp_ctrl.delay_systems.norms import h2_norm, hinf_norm, output_rms
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
 from susp_ctrl.delay_systems.root_locus import RootLocus, root_locus
 from susp_ctrl.delay_systems.roots import characteristic_roots, spectral_abscissa
-from susp_ctrl.delay_systems.simulation import SimulationResponse, simulate
+from susp_ctrl.delay_systems.response import SimulationResponse
+from susp_ctrl.delay_systems.simulation import simulate, simulate_many
 from susp_ctrl.delay_systems.sweep import sweep_delays
 from susp_ctrl.delay_systems.sweep_result import DelaySweep
 from susp_ctrl.delay_systems.two_delay_map import stability_map
+from susp_ctrl.delay_systems.sinusoidal import steady_response
 from susp_ctrl.delay_systems.verdict import StabilityVerdict, stability
 
 __all__ = [
@@ -57,11 +59,13 @@ __all__ = [
     "root_locus",
     "series",
     "simulate",
+    "simulate_many",
     "small_gain_of_samples",
     "small_gain_supremum",
     "spectral_abscissa",
     "spectral_approximation",
     "stability",
+    "steady_response",
     "stability_map",
     "stability_margins",
     "sweep_delays",

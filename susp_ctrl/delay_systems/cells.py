@@ -101,7 +101,7 @@ class PlantCoordinates:
         balanced: FloatArray = plant.A
         scale: FloatArray = np.ones(n)
         if n:
-            balanced, (scale, _) = scipy.linalg.matrix_balance(plant.A, permute=False, separate=True)
+            balanced, (scale, _) = scipy.linalg.matrix_balance(plant.A, permute=False, separate=True)  # type: ignore[assignment]
         values, vectors = np.linalg.eig(balanced) if n else (np.zeros(0), np.zeros((0, 0)))
         self.diagonal = n == 0 or np.linalg.cond(vectors) < _EIGENVECTOR_CONDITION
         if self.diagonal:

@@ -136,7 +136,8 @@ def as_inputs(
             continue
         if np.ndim(value) == 0:
             constant = validation.number(label, value)
-            parts.append(Part(label, rows, partial(_constant, constant)))
+            line = (np.zeros(1), np.array([constant]), np.array([0.5 * np.pi])) if len(rows) == 1 else None
+            parts.append(Part(label, rows, partial(_constant, constant), line))
             bandwidths.append(0.0)
             continue
         samples = _samples(label, value, len(rows), timepts)
@@ -168,6 +169,7 @@ def _given(inputs: Any, labels: Sequence[str], name: str) -> list[tuple[str, tup
 
 
 def announced_breakpoints(value: Any) -> Any:
+    """Return the attribute `breakpoints` of a callable; empty without one."""
     breakpoints = getattr(value, "breakpoints", None)
     return () if breakpoints is None else breakpoints
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.signal
@@ -17,7 +18,7 @@ import scipy.signal
 from susp_ctrl.delay_systems.cells import CellOperator, GaussRule, PlantCoordinates, cell_operator
 from susp_ctrl.delay_systems.folding import FoldedLoop
 from susp_ctrl.delay_systems.input_signals import Inputs
-from susp_ctrl.delay_systems.lft import FloatArray
+from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.signal_memory import SignalMemory
 
 _MOST_OPERATORS = 256
@@ -34,7 +35,7 @@ class CellGroup:
     operator: CellOperator
     u: FloatArray
     U: FloatArray
-    forcing: np.ndarray
+    forcing: ComplexArray
     given: FloatArray
     w: FloatArray
     z: FloatArray
@@ -73,8 +74,8 @@ class PanelSolver:
         offsets = 0.5 * length * (1.0 + self.rule.nodes)
         u = np.stack([i.on_cells(starts, offsets) for i in self.inputs], axis=-1)
         U = np.concatenate([u, self.truncated(u)], axis=-1)
-        empty = np.empty(0)
-        return CellGroup(starts, length, self._operator(length), u, U, empty, empty, empty, empty, empty)
+        empty, later = np.empty(0), np.empty(0, dtype=complex)
+        return CellGroup(starts, length, self._operator(length), u, U, later, empty, empty, empty, empty)
 
     def truncated(self, signal: FloatArray) -> FloatArray:
         """Drop the two highest coefficients of a signal of shape (signals, N, cells, columns)."""
@@ -128,7 +129,8 @@ class PanelSolver:
         c, plant, r = self.coordinates, self.plant, self.coordinates.size
         P, m = g.starts.size, 2 * self.cases
         forcing = g.forcing + np.tensordot(c.B2, g.w, axes=1).reshape(r, self.rule.size, P * m)
-        nodes, _ = g.operator.response.respond(forcing, (g.xi[:r] + 1j * g.xi[r:]).reshape(r, P * m))
+        start: ComplexArray = (g.xi[:r] + 1j * g.xi[r:]).reshape(r, P * m)
+        nodes, _ = g.operator.response.respond(forcing, start)
         x = np.tensordot(c.back, nodes, axes=1).real.reshape(-1, self.rule.size, P, m)
         y = np.tensordot(plant.C1, x, axes=1)
         y += np.tensordot(plant.D11, g.U, axes=1)
@@ -147,7 +149,7 @@ class PanelSolver:
         """Prepare a group: response of z and of the cell's end to the inputs alone."""
         c, plant, K, N = self.coordinates, self.plant, self.delays.size, self.rule.size
         P, m, r = g.starts.size, 2 * self.cases, self.coordinates.size
-        g.forcing = np.tensordot(c.B1, g.U, axes=1).reshape(r, N, P * m)
+        g.forcing = np.tensordot(c.B1, g.U, axes=1).reshape(r, N, P * m).astype(complex, copy=False)
         nodes, end = g.operator.response.respond(g.forcing, np.zeros((r, P * m), dtype=complex))
         z = np.tensordot(plant.C2 @ c.back, nodes, axes=1).real
         z += np.tensordot(plant.D21, g.U.reshape(-1, N, P * m), axes=1)
@@ -178,7 +180,9 @@ class PanelSolver:
     ) -> FloatArray:
         """Take many cells whose delayed signals are all known: one recursion for each coordinate."""
         KN, r = self.delays.size * self.rule.size, self.coordinates.size
-        local, factor, drive = [], np.ones(r, dtype=complex), 0.0
+        local: list[FloatArray] = []
+        factor = np.ones(r, dtype=complex)
+        drive: Any = 0.0
         for g, w in zip(groups, earlier, strict=True):
             local.append(np.tensordot(g.operator.march[:, :KN], w, axes=1) + g.given[:, cells])
             e = g.operator.response.end_free

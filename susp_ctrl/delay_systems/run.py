@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +30,31 @@ class Past:
     state: FloatArray
     delayed: Callable[[FloatArray], FloatArray] | None = None
     kinks: tuple[float, ...] = ()
+
+    def case(self, number: int) -> Past:
+        """Return the past of one case."""
+        if self.state.shape[1] == 1:
+            return self
+        delayed = self.delayed
+        own = slice(number, number + 1)
+        alone = None if delayed is None else lambda times: delayed(times)[:, :, own]
+        return Past(self.start, self.state[:, own], alone, self.kinks)
+
+
+def side_by_side(pasts: Sequence[Past]) -> Past:
+    """Return the pasts of several cases, which start at one time, as one."""
+    if len(pasts) == 1:
+        return pasts[0]
+    kinks = tuple(sorted({t for past in pasts for t in past.kinks}))
+    state = np.hstack([past.state for past in pasts])
+    if all(past.delayed is None for past in pasts):
+        return Past(pasts[0].start, state, None, kinks)
+    known = [past.delayed for past in pasts if past.delayed is not None]
+
+    def delayed(times: FloatArray) -> FloatArray:
+        return np.concatenate([one(times) for one in known], axis=2)
+
+    return Past(pasts[0].start, state, delayed, kinks)
 
 
 @dataclass(frozen=True)

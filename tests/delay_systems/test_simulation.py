@@ -9,42 +9,14 @@ import control as ct
 import delay_cases
 import numpy as np
 import pytest
+from half_car_loops import DELAYS, GAINS, LAG, half_car_loop, relative, road, road_inputs
 from scipy.integrate import solve_ivp
 
 import susp_ctrl as sc
 
-GAINS, DELAYS, LAG = (19345.0, 26150.0), (0.5530, 0.5186), 0.138
-
 
 def step(t):
     return np.ones_like(t)
-
-
-def half_car_loop(gains=GAINS, delays=DELAYS):
-    channels = [
-        sc.FeedbackChannel("unsprung_displacement_front", "force_front", gain=gains[0], delay=delays[0]),
-        sc.FeedbackChannel("unsprung_displacement_rear", "force_rear", gain=gains[1], delay=delays[1]),
-    ]
-    return sc.close_loop(sc.HalfCar().plant(), channels)
-
-
-def relative(values, exact):
-    """Largest error of the worst output, relative to its peak."""
-    peak = np.max(np.abs(exact), axis=-1)
-    peak = np.where(peak > 0.0, peak, 1.0)
-    return float(np.max(np.max(np.abs(values - exact), axis=-1) / peak))
-
-
-def road(t, lag=0.0):
-    """0.05 sin(7 t) from its arrival on."""
-    late = t - lag
-    return np.where(late > 0.0, 0.05 * np.sin(7.0 * late), 0.0)
-
-
-def road_inputs():
-    rear = lambda t: road(t, LAG)  # noqa: E731
-    rear.breakpoints = (LAG,)
-    return {"road_front": road, "road_rear": rear}
 
 
 def by_pieces(t, jump=1.0):
@@ -361,3 +333,28 @@ def test_bad_input_names_the_argument(change, named):
     arguments = {"timepts": [0.0, 0.5, 1.0], "inputs": None} | change
     with pytest.raises(sc.InputError, match=named):
         sc.simulate(half_car_loop(), **arguments)
+
+
+@pytest.mark.property
+def test_many_cases_equal_single_runs():
+    one, other, t = half_car_loop(), half_car_loop(delays=(0.2, 0.3)), np.linspace(0.0, 2.0, 201)
+    loads = [{"road_front": lambda t, w=w: 0.01 * np.sin(w * t) + 0.002} for w in (3.0, 11.0, 40.0)]
+    for k, response in enumerate(sc.simulate_many(one, t, loads, history=np.full(8, 1e-3))):
+        single = sc.simulate(one, t, loads[k], history=np.full(8, 1e-3))
+        assert relative(response.outputs, single.outputs) < 1e-9
+        longer = sc.simulate(one, [2.0, 2.5], loads[k], history=response)
+        assert relative(longer.outputs, sc.simulate(one, [2.0, 2.5], loads[k], history=single).outputs) < 1e-9
+    for response, sys in zip(sc.simulate_many([one, other], t, loads[0]), (one, other), strict=True):
+        assert relative(response.outputs, sc.simulate(sys, t, loads[0]).outputs) < 1e-9
+    with pytest.raises(sc.InputError, match="inputs"):
+        sc.simulate_many([one, other], t, loads)
+
+
+@pytest.mark.property
+def test_many_steady_starts_keep_their_own_phase():
+    sys, t = half_car_loop(), np.linspace(0.0, 1.0, 101)
+    roads = [
+        sc.RandomRoad(iso_class="C", speed=20.0, seed=k, bins=30).inputs({"road_front": 0.0}) for k in (1, 2)
+    ]
+    for response, inputs in zip(sc.simulate_many(sys, t, roads, history="steady"), roads, strict=True):
+        assert relative(response.outputs, sc.steady_response(sys, t, inputs).outputs) < 1e-8
