@@ -8,8 +8,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from susp_ctrl.study.result import Design, StudyRun
 
-# Numbers of susp_ctrl.plotting.curve_style: passive black dashed, published broken lines, tuned solid lines.
-_NUMBERS: Mapping[str, tuple[int, ...]] = {"passive": (0,), "published": (1, 3, 6, 7, 4), "tuned": (2, 5)}
+# Numbers of susp_ctrl.plotting.curve_style by preference: passive black dashed, published broken lines, tuned solid
+# lines; a design whose preferred looks are taken gets one that is still free.
+_PREFERRED: Mapping[str, tuple[int, ...]] = {
+    "passive": (0, 7, 1, 3, 6, 4, 2, 5),
+    "published": (1, 3, 6, 7, 4, 2, 5, 0),
+    "tuned": (2, 5, 3, 1, 4, 6, 7, 0),
+}
 
 
 def labels(run: StudyRun) -> dict[str, str]:
@@ -23,12 +28,14 @@ def looks(designs: Iterable[Design]) -> dict[str, int]:
 
 
 def _numbered(designs: Iterable[Design]) -> dict[str, tuple[int, str]]:
-    counts: dict[str, int] = {}
+    taken: list[int] = []
     result: dict[str, tuple[int, str]] = {}
     for design in designs:
-        numbers = _NUMBERS[design.role]
-        result[design.label] = (numbers[counts.get(design.role, 0) % len(numbers)], design.role)
-        counts[design.role] = counts.get(design.role, 0) + 1
+        preferred = _PREFERRED[design.role]
+        # With more designs than looks, the one used least often comes again.
+        number = min(preferred, key=lambda look: (taken.count(look), preferred.index(look)))
+        taken.append(number)
+        result[design.label] = (number, design.role)
     return result
 
 

@@ -9,8 +9,9 @@ import pandas as pd
 import pytest
 
 from susp_ctrl.report.blocks import Column, Table
+from susp_ctrl.report.looks import looks
 from susp_ctrl.report.result import StudyResult
-from susp_ctrl.study.result import StudyRun
+from susp_ctrl.study.result import Design, StudyRun
 
 
 def _table(result: StudyResult, key: str) -> Table:
@@ -181,3 +182,29 @@ def test_notebook_view_holds_summary_and_escaped_tables(result: StudyResult) -> 
     assert "<script" not in page
     assert "rms_harmonic" in repr(result)
     assert result.summary == ("First line.", "Second line.", "Third line.")
+
+
+@pytest.mark.parametrize(
+    "roles", [("passive", *["tuned"] * 5), ("passive", *["published"] * 4, *["tuned"] * 3)]
+)
+def test_up_to_eight_designs_of_any_role_look_different(roles: tuple[str, ...]) -> None:
+    designs = [Design(f"d{n}", f"design {n}", role, ()) for n, role in enumerate(roles)]  # type: ignore[arg-type]
+    assert len(set(looks(designs).values())) == len(designs)
+
+
+def test_file_names_are_not_taken_for_signal_names(run: StudyRun) -> None:
+    named = replace(run, provenance=replace(run.provenance, study_file="body_acceleration.toml"))
+    rows = _table(StudyResult(named), "provenance").cells()
+    assert rows[0]["cells"] == ["study file", "body_acceleration.toml"]
+
+
+def test_a_single_road_input_has_no_lag_to_speak_of(run: StudyRun) -> None:
+    assert run.frequency is not None
+    peaks = run.frequency.peaks
+    single = replace(run.frequency, velocity_gain_in_phase=None, peaks=peaks[peaks["road"] == "lagged"])
+    section = next(
+        s for s in StudyResult(replace(run, frequency=single)).sections if s.title == "Frequency response"
+    )
+    shown = [getattr(block, "text", "") + getattr(block, "caption", "") for block in section.blocks]
+    assert not any("agged" in text for text in shown)
+    assert all("lagged" not in text for table in section.tables for text, _ in table.spans)

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
     from susp_ctrl.study.result import FrequencySection, StudyRun
 
+_ROADS = (
+    " “Lagged” means that the same road meets the following wheels later by the travel time over the wheelbase, “in "
+    "phase” that it meets all wheels at once."
+)
 _BODE_OUTPUTS = ("body_acceleration", "pitch_acceleration")
 
 
@@ -26,9 +30,8 @@ def frequency_section(run: StudyRun) -> Section | None:
         return None
     blocks: list[Block] = [
         Text(
-            "All responses are evaluated with the exact delay factor at every frequency; nothing is approximated. "
-            "“Lagged” means that the same road meets the following wheels later by the travel time over the "
-            "wheelbase, “in phase” that it meets all wheels at once."
+            "All responses are evaluated with the exact delay factor at every frequency; nothing is approximated."
+            + (_ROADS if data.velocity_gain_in_phase else "")
         )
     ]
     rows = " Upper row: lagged road; lower row: wheels in phase." if data.velocity_gain_in_phase else ""
@@ -44,8 +47,8 @@ def frequency_section(run: StudyRun) -> Section | None:
         blocks.append(
             Figure(
                 key=f"bode_{output}",
-                caption=f"Bode plot from road displacement to {signal_text(output)}, exact delays, lagged road: "
-                "magnitude and unwrapped phase.",
+                caption=f"Bode plot from road displacement to {signal_text(output)}, exact delays"
+                f"{', lagged road' if data.velocity_gain_in_phase else ''}: magnitude and unwrapped phase.",
                 draw=partial(_bode, run, data, output),
             )
         )
@@ -69,7 +72,9 @@ def _peaks_table(run: StudyRun, data: FrequencySection) -> Table:
         shown[f"gain_{number}"] = curve["gain"].reindex(shown["design"]).to_numpy()
         columns.append(Column(f"frequency_{number}", "f (Hz)", "number", 4))
         columns.append(Column(f"gain_{number}", with_unit("|H|", unit), "number", 4))
-        spans.append((f"{signal_text(output)}\n{road}", 2))
+        spans.append(
+            (f"{signal_text(output)}\n{road}" if data.velocity_gain_in_phase else signal_text(output), 2)
+        )
     return Table(
         key="frequency_peaks",
         caption="Highest point of |H| per road velocity.",
@@ -118,7 +123,7 @@ def _velocity_gain(run: StudyRun, data: FrequencySection) -> MatplotlibFigure:
                 ylabel=f"|H| ({unit})",
                 styles=looks(run.designs),
                 legend=False,
-                title=f"{signal_text(output)}, {road}",
+                title=f"{signal_text(output)}, {road}" if len(rows) > 1 else signal_text(output),
             )
             if row + 1 < len(rows):
                 ax.set_xlabel("")

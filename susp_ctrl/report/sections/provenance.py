@@ -29,7 +29,7 @@ def provenance_section(run: StudyRun) -> Section:
                 key="provenance",
                 caption="What this report was made from.",
                 frame=pd.DataFrame(rows, columns=["what", "value"]),
-                columns=(Column("what", "what"), Column("value", "value", "long")),
+                columns=(Column("what", "what"), Column("value", "value")),
             ),
         ),
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from susp_ctrl.report.blocks import Block, Column, Equations, Section, Table, Text
-from susp_ctrl.report.formatting import exact_text, signal_text
+from susp_ctrl.report.formatting import capital, exact_text, signal_text
 from susp_ctrl.report.looks import subscript
 
 if TYPE_CHECKING:
@@ -78,7 +78,9 @@ def model_section(run: StudyRun) -> Section:
         blocks.append(Equations("half_car"))
     blocks.append(Equations("delayed_loop"))
     if run.frequency is not None or run.tuning:
-        blocks.append(Equations("response_and_objective"))
+        blocks.append(
+            Equations("response" if run.vehicle.kind == "quarter_car" else "response_and_objective")
+        )
     if run.stability is not None:
         blocks.append(Equations("stability"))
     if run.time:
@@ -124,7 +126,7 @@ def _designs_table(run: StudyRun, frame: pd.DataFrame) -> Table:
             *gains,
             *delays,
         ),
-        note=f"{note[0].upper()}{note[1:]}. Tuned designs are results of this run.",
+        note=f"{capital(note)}.{' Tuned designs are results of this run.' if run.tuning else ''}",
         shown=pd.DataFrame(shown),
     )
 
