@@ -12,6 +12,7 @@ from susp_ctrl.errors import InputError
 from susp_ctrl.study.audit_schema import AuditSettings
 from susp_ctrl.study.schema import StudySettings
 from susp_ctrl.study.settings import SettingError, nearest
+from susp_ctrl.study.sweep_schema import check_sweep
 from susp_ctrl.study.vehicle_schema import PASSIVE, feedback_channels
 
 
@@ -63,6 +64,8 @@ def check_references(study: StudySettings) -> None:
             _among(f"pade.cases.{design_key}", [case_key], cases)
     if study.audit is not None:
         _check_audit(study.audit, study, designs, outputs, cases)
+    if study.sweep is not None:
+        check_sweep(study.sweep, outputs, [PASSIVE, *designs], cases)
 
 
 def _check_audit(

@@ -18,6 +18,7 @@ from susp_ctrl.study.simulation_schema import (
     TimeSettings,
     check_band,
 )
+from susp_ctrl.study.sweep_schema import SweepSettings
 from susp_ctrl.study.vehicle_schema import (
     BoxSettings,
     DesignSettings,
@@ -140,3 +141,4 @@ class StudySettings(Settings):
     time: tuple[TimeSettings, ...] = setting(())
     pade: PadeSettings | None = setting(None)
     audit: AuditSettings | None = setting(None)
+    sweep: SweepSettings | None = setting(None)

@@ -7,7 +7,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from susp_ctrl.ride.signals import indicator_signals
 from susp_ctrl.study.references import check_references
 from susp_ctrl.study.schema import StudySettings
 from susp_ctrl.study.settings import Place, SettingError
+from susp_ctrl.study.units import parameter_unit
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
 
 _STEP = re.compile(r"([A-Za-z0-9_]+)(?:\[([^\]]+)\])?(?:\.|$)")
@@ -81,6 +82,24 @@ class Study:
         for path, value in changes.items():
             _set(table, path, value)
         return Study.from_table(table, self.file)
+
+    def value(self, path: str) -> Any:
+        """Return what a key says, by its path as in `with_changes`; None where the study does not give it.
+
+        Parameters of the vehicle that are not given have their default.
+        """
+        here: Any = self.table
+        for name, entry in _STEP.findall(path):
+            here = here.get(name) if isinstance(here, Mapping) else None
+            if entry and here is not None:
+                here = next((e for i, e in enumerate(here, 1) if e.get("key") == entry or entry == str(i)), None)
+        section, _, key = path.partition(".")
+        if here is None and section == "vehicle":
+            names = {f"{f.name}_{parameter_unit(f.name)}": f.name for f in fields(self.vehicle)}
+            if key in names:
+                return getattr(self.vehicle, names[key])
+            return self.settings.vehicle.speed if key == "speed_m_per_s" else None
+        return here
 
     @property
     def name(self) -> str:
