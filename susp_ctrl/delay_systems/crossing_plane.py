@@ -143,7 +143,7 @@ class CrossingPlane:
             return np.ones_like(omega)
         p, coupling, first = self._arranged(omega)
         if self.x.is_delay and self.y.is_delay:
-            return torus_excess(p)
+            return torus_excess(p, coupling)
         circle = self._circle(p, coupling, omega, first)
         return (circle.reach - np.abs(circle.off)) / (circle.size + circle.reach)
 
@@ -154,7 +154,7 @@ class CrossingPlane:
             if self.x.channel == self.y.channel:
                 return self._one_channel(p, omega, first)
             if self.x.is_delay and self.y.is_delay:
-                u, v = torus_solutions(p)
+                u, v = torus_solutions(p, coupling)
                 return self._sided(p, np.exp(-1j * u), np.exp(-1j * v), u, v, (True, True))
             u = self._circle(p, coupling, omega, first).roots()
             zeta = u * np.exp(-1j * omega * self.delays[first])

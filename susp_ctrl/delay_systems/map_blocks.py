@@ -75,16 +75,35 @@ def trace_blocks(loop: LoopMatrices, owner: np.ndarray, delays: FloatArray, x: A
     edges = np.stack(
         [number_omega[:, :-1], number_theta[1:], number_omega[:, 1:], number_theta[:-1]], axis=-1
     )
+    return _unrolled(blocks, points, _joined(edges, points), x, y)
+
+
+def _joined(edges: np.ndarray, points: FloatArray) -> np.ndarray:
+    """Join the points of each cell to pieces of curves; return pairs of point numbers.
+
+    Where two curves pass each other (with different second angles), both may leave a cell through one edge, on
+    which the sign does not change then. Such a cell holds two points that do not belong together, and so does
+    its neighbour beyond that edge: their four points are joined by their second angles.
+    """
+    z = np.exp(1j * points[:, 2])
     cells = edges.reshape(-1, 4)
     met = np.sum(cells >= 0, axis=1)
-    pairs = [np.sort(cells[met == 2], axis=1)[:, 2:]]
-    # Four points: the branches pass each other; join neighbours by their second angle.
-    for cell in cells[met == 4]:
-        second_angle = np.exp(1j * points[cell, 2])
-        straight = abs(second_angle[0] - second_angle[1]) + abs(second_angle[2] - second_angle[3])
-        crossed = abs(second_angle[0] - second_angle[3]) + abs(second_angle[1] - second_angle[2])
-        pairs.append(cell[[0, 1, 2, 3] if straight <= crossed else [0, 3, 1, 2]].reshape(2, 2))
-    return _unrolled(blocks, points, np.vstack(pairs), x, y)
+    two = np.sort(cells[met == 2], axis=1)[:, 2:]
+    apart = np.abs(z[two[:, 0]] - z[two[:, 1]]) > 0.4
+    pairs = [two[~apart]]
+    stray = {
+        divmod(int(k), edges.shape[1]): two[apart][n] for n, k in enumerate(np.flatnonzero(met == 2)[apart])
+    }
+    groups = [cell[[0, 1, 2, 3]] for cell in cells[met == 4]]
+    for (row, column), own in stray.items():
+        for place in ((row + 1, column), (row, (column + 1) % edges.shape[1])):
+            if place in stray:
+                groups.append(np.concatenate([own, stray[place]]))
+    for group in groups:
+        ways = [group[list(way)].reshape(2, 2) for way in ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2))]
+        apart_by = [float(np.abs(z[way[:, 0]] - z[way[:, 1]]).sum()) for way in ways]
+        pairs.append(ways[int(np.argmin(apart_by))])
+    return np.vstack(pairs)
 
 
 def _frequencies(centre: FloatArray, half: FloatArray, longest: float) -> FloatArray:

@@ -55,7 +55,7 @@ class Segments:
         """Return the change of roots on the way from (x_from, y) to (x, y), for arrays of points."""
         return self._crossed(self.start, self.end, x_from, x, y)
 
-    def crossed_up(self, x: float, y_from: float, y: FloatArray) -> np.ndarray:
+    def crossed_up(self, x: float | FloatArray, y_from: float, y: FloatArray) -> np.ndarray:
         """Return the change of roots on the way from (x, y_from) to (x, y)."""
         # Mirrored at the diagonal: left and right change places.
         return self._crossed(self.end[:, ::-1], self.start[:, ::-1], y_from, y, np.full_like(y, x))

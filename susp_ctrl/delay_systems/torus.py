@@ -34,19 +34,24 @@ def bilinear_coefficients(p22: ComplexArray) -> ComplexArray:
     return np.stack([np.ones_like(a), -a, -d, a * d - p22[..., 0, 1] * p22[..., 1, 0]])
 
 
-def torus_excess(coefficients: ComplexArray) -> FloatArray:
-    """Return ``(2|q| - |c|)`` relative to the size of the coefficients: solutions exist where it is >= 0."""
-    c, q = _reduced(coefficients)
-    return (2.0 * np.abs(q) - np.abs(c)) / np.sum(np.abs(coefficients) ** 2, axis=0)
+def torus_excess(coefficients: ComplexArray, coupling: FloatArray) -> FloatArray:
+    """Return a number that is not negative exactly where there are solutions.
+
+    ``4|q|^2 - c^2`` equals ``4 kappa^2 - d^2`` with ``kappa = |p0 p12 - p1 p2| = |P12 P21|`` (the `coupling`) and
+    ``d = |p1|^2 + |p2|^2 - |p0|^2 - |p12|^2``: for channels that are hardly coupled only this keeps digits.
+    """
+    return (2.0 * coupling - np.abs(_difference(coefficients))) / np.sum(np.abs(coefficients) ** 2, axis=0)
 
 
-def torus_solutions(coefficients: ComplexArray) -> tuple[FloatArray, FloatArray]:
+def torus_solutions(coefficients: ComplexArray, coupling: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the angles of both solutions.
 
     Parameters
     ----------
     coefficients : ndarray of complex, shape (4, ...)
         ``p0, p1, p2, p12``.
+    coupling : ndarray, shape (...)
+        ``|p0 p12 - p1 p2|``, formed without cancellation.
 
     Returns
     -------
@@ -54,12 +59,13 @@ def torus_solutions(coefficients: ComplexArray) -> tuple[FloatArray, FloatArray]
         Angles in (-pi, pi] of the + and the - solution; nan where there is none.
     """
     p0, p1, p2, p12 = coefficients
-    c, q = _reduced(coefficients)
+    c = np.abs(p0) ** 2 + np.abs(p1) ** 2 - np.abs(p2) ** 2 - np.abs(p12) ** 2
+    q = p0.conj() * p1 - p2.conj() * p12
+    d = np.abs(_difference(coefficients))
+    # At the end of a curve, found to rounding, the two solutions are one.
+    room = np.where(np.abs(2.0 * coupling - d) <= 1e-15, 0.0, 2.0 * coupling - d)
     with np.errstate(all="ignore"):
-        cosine = -c / (2.0 * np.abs(q))
-        # Just beyond the end of a curve rounding may leave the range of the cosine.
-        cosine = np.where(np.abs(cosine) <= 1.0 + 1e-12, np.clip(cosine, -1.0, 1.0), np.nan)
-        half = np.arccos(cosine)
+        half = np.arctan2(np.sqrt(room * (2.0 * coupling + d)), -c)
         z1 = np.exp(1j * (np.stack([half, -half]) - np.angle(q)))
         z2 = -(p0 + p1 * z1) / (p2 + p12 * z1)
     return -np.angle(z1), -np.angle(z2)
@@ -79,7 +85,6 @@ def structured_gain(p22: ComplexArray) -> FloatArray:
     return np.sqrt(0.5 * (frobenius + np.sqrt(np.maximum(frobenius**2 - 4.0 * det, 0.0))))
 
 
-def _reduced(coefficients: ComplexArray) -> tuple[FloatArray, ComplexArray]:
-    p0, p1, p2, p12 = coefficients
-    c = np.abs(p0) ** 2 + np.abs(p1) ** 2 - np.abs(p2) ** 2 - np.abs(p12) ** 2
-    return c, p0.conj() * p1 - p2.conj() * p12
+def _difference(coefficients: ComplexArray) -> FloatArray:
+    p0, p1, p2, p12 = np.abs(coefficients) ** 2
+    return p1 + p2 - p0 - p12

@@ -95,7 +95,13 @@ def stability_map(
     base = problem.count(float(raster.x[first]), float(raster.y[first]))
     offset = 0 if base is None else base - int(relative[first])
     regions, agreed = _checked(problem, raster, relative + offset, place, area)
-    decided = base is not None and agreed and int(relative.min()) + offset >= 0
+    # Along another way the same numbers must come out: a curve with a gap shows.
+    start = np.full_like(raster.x, origin[1])
+    other = segments.crossed_across(origin[0], raster.x, start) + segments.crossed_up(
+        raster.x, origin[1], raster.y
+    )
+    whole = bool(np.array_equal(other, relative))
+    decided = base is not None and agreed and whole and int(relative.min()) + offset >= 0
     return StabilityMap(
         x_label=problem.label(x),
         y_label=problem.label(y),
