@@ -18,6 +18,7 @@ from PIL import Image
 from susp_ctrl.plotting.style import styled
 
 _POINTS_PER_INCH = 72.0
+_PATH = re.compile(rb' d="[^"]*"')
 _LONG_NUMBER = re.compile(rb"(\.\d\d)\d+")
 
 
@@ -54,6 +55,8 @@ def save_figure(figure: Figure, path: str | Path, *, dpi: float = 100.0, colours
             _save_pdf(figure, path)
         elif ending == ".svg":
             figure.savefig(path, metadata={"Date": None, "Creator": None})
+            text = Path(path).read_bytes()
+            Path(path).write_bytes(_PATH.sub(lambda match: _LONG_NUMBER.sub(rb"\1", match.group()), text))
         else:
             raise ValueError(f"path = {str(path)!r} is not allowed: it must end in .png, .pdf or .svg")
     finally:

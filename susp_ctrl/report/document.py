@@ -7,6 +7,7 @@ fonts that come with typst and no package from the net, so the document looks th
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -56,21 +57,19 @@ def payload(run: StudyRun, sections: Sequence[Section], figure_folder: str = "fi
     figure_folder
         Folder of the PDF figures, relative to the data file.
     """
-    versions = run.provenance.versions
     return {
         "title": run.study.title,
         "source": run.study.settings.source,
         "description": run.study.settings.description,
         "file": run.provenance.study_file,
-        "footer": f"susp_ctrl {versions.get('susp_ctrl', '')}"
-        + (f" · study {run.provenance.study_sha256[:12]}" if run.provenance.study_sha256 else ""),
+        "footer": footer(run),
         "opening": [block_data(block, figure_folder) for block in opening(run)],
         "sections": [
             {
                 "title": prose(section.title),
                 # Figures float: without a page break they would stray into the next section.
                 "new_page": bool(section.figures or (before is not None and before.figures)),
-                "blocks": [block_data(b, figure_folder) for b in section.blocks if _is_shown(b)],
+                "blocks": [block_data(b, figure_folder) for b in section.blocks if is_shown(b)],
             }
             for before, section in zip([None, *sections], sections, strict=False)
         ],
@@ -146,7 +145,7 @@ def write_pdf(folder: Path, data: dict[str, Any], name: str = "report.pdf") -> P
         return None
     source = folder / DATA_FILE
     source.write_text(json.dumps(data, ensure_ascii=False), encoding="utf-8")
-    template: bytes = files("susp_ctrl.report").joinpath("template.typ").read_bytes()
+    template = _source("equations.typ") + _source("template.typ")
     try:
         document: bytes = typst.compile(  # type: ignore[type-var]
             template,
@@ -162,8 +161,36 @@ def write_pdf(folder: Path, data: dict[str, Any], name: str = "report.pdf") -> P
     return target
 
 
-def _is_shown(block: Block) -> bool:
+def equations_svg() -> dict[str, str]:
+    """Return every group of equations as SVG, by name; empty where typst is missing."""
+    try:
+        import typst
+    except ImportError:
+        return {}
+    page = b"#set page(width: 16cm, height: auto, margin: 2pt, fill: none)\n#set par(justify: true)\n"
+    source = page + _source("equations.typ") + b"\n#equations.at(sys.inputs.name)\n"
+    names = [name.decode() for name in re.findall(rb"^  (\w+): \[$", source, flags=re.MULTILINE)]
+    return {
+        name: bytes(
+            typst.compile(source, format="svg", ignore_system_fonts=True, sys_inputs={"name": name})
+        ).decode()
+        for name in names
+    }
+
+
+def footer(run: StudyRun) -> str:
+    """Return the line that says what made the report."""
+    version, digest = run.provenance.versions.get("susp_ctrl", ""), run.provenance.study_sha256[:12]
+    return f"susp_ctrl {version}" + (f" · study {digest}" if digest else "")
+
+
+def is_shown(block: Block) -> bool:
+    """Return whether a block is part of the document (long histories are only files)."""
     return not isinstance(block, Table) or (block.in_document and bool(block.columns))
+
+
+def _source(name: str) -> bytes:
+    return files("susp_ctrl.report").joinpath(name).read_bytes()
 
 
 def _table_size(table: Table, rows: list[dict[str, Any]]) -> tuple[float, float]:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import html
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from susp_ctrl.report.blocks import Figure, Section, Table
 from susp_ctrl.report.document import NO_TYPST, payload, write_pdf
+from susp_ctrl.report.page import table_html, write_page
 from susp_ctrl.report.saving import MANIFEST, replacing, write_manifest
 from susp_ctrl.report.sections import sections_of
 
@@ -99,7 +100,12 @@ class StudyResult:
         return self.data.headlines
 
     def save(
-        self, folder: str | Path, *, progress: Progress | None = None, history_digits: int = 5
+        self,
+        folder: str | Path,
+        *,
+        progress: Progress | None = None,
+        history_digits: int = 5,
+        html: bool = False,
     ) -> list[Path]:
         """Write the report: ``report.pdf``, ``tables/*.csv``, ``figures/*.png`` and ``*.pdf``, ``manifest.json``.
 
@@ -114,6 +120,8 @@ class StudyResult:
         history_digits
             Significant digits of the time histories, by far the largest files; 17 keeps every bit. All other
             tables are written in full precision.
+        html
+            Also write ``report.html``: the same content as one page that opens offline, with plots to zoom.
 
         Returns
         -------
@@ -135,6 +143,9 @@ class StudyResult:
             report("setting the document", 0.9)
             if write_pdf(partial, payload(self.data, self.sections)) is None:
                 warnings.warn(NO_TYPST, stacklevel=2)
+            if html:
+                report("writing the page", 0.95)
+                write_page(partial, self.data, self.sections)
             write_manifest(partial, self._about())
             written = sorted(path.relative_to(partial) for path in partial.rglob("*") if path.is_file())
         report("done", 1.0)
@@ -191,39 +202,16 @@ class StudyResult:
 
     def _repr_html_(self) -> str:
         """Show title, summary and the tables of the document, as a notebook asks for it."""
-        parts = [f"<h3>{html.escape(self.data.study.title)}</h3>"]
-        parts += [f"<p>{html.escape(line)}</p>" for line in self.summary]
+        parts = [f"<h3>{escape(self.data.study.title)}</h3>"]
+        parts += [f"<p>{escape(line)}</p>" for line in self.summary]
         for table in self._tables:
             if table.in_document and table.columns:
                 parts.append(
-                    f"<details><summary>{html.escape(table.caption)}</summary>{table_html(table)}</details>"
+                    f"<details><summary>{escape(table.caption)}</summary>{table_html(table)}</details>"
                 )
-        names = ", ".join(f"<code>{html.escape(name)}</code>" for name in self.figures)
+        names = ", ".join(f"<code>{escape(name)}</code>" for name in self.figures)
         parts.append(f"<p>Figures, drawn on demand by <code>.figures[name]</code>: {names}</p>")
         return "\n".join(parts)
-
-
-def table_html(table: Table) -> str:
-    """Return a table as HTML, with the digits of the document."""
-    sides = [f' style="text-align:{column.align}"' for column in table.columns]
-    head = "".join(
-        f"<th{side}>{html.escape(column.heading)}</th>"
-        for side, column in zip(sides, table.columns, strict=True)
-    )
-    if table.spans:
-        spans = "".join(f'<th colspan="{count}">{html.escape(text)}</th>' for text, count in table.spans)
-        head = f"{spans}</tr><tr>{head}"
-    body = []
-    for row in table.cells():
-        if "group" in row:
-            text = html.escape(row["group"])
-            body.append(f'<tr><th colspan="{len(sides)}" style="text-align:left">{text}</th></tr>')
-            continue
-        cells = "".join(
-            f"<td{side}>{html.escape(cell)}</td>" for side, cell in zip(sides, row["cells"], strict=True)
-        )
-        body.append(f"<tr>{cells}</tr>")
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
 
 
 def run_study(study: Study, progress: Progress | None = None) -> StudyResult:
@@ -257,4 +245,4 @@ def run_study(study: Study, progress: Progress | None = None) -> StudyResult:
     return StudyResult(compute_study(study, progress=progress))
 
 
-__all__ = ["MANIFEST", "FigureGallery", "StudyResult", "run_study", "table_html"]
+__all__ = ["MANIFEST", "FigureGallery", "StudyResult", "run_study"]

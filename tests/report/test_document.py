@@ -96,7 +96,7 @@ def test_histories_are_written_with_the_digits_asked_for(
 
 def _pages(small: StudyResult, folder: Path, data: dict[str, Any]) -> int:
     (folder / "report.json").write_text(json.dumps(data), encoding="utf-8")
-    template = Path(document.__file__).with_name("template.typ").read_bytes()
+    template = document._source("equations.typ") + document._source("template.typ")
     pages = typst.compile(
         template,
         root=str(folder),
@@ -110,7 +110,7 @@ def _pages(small: StudyResult, folder: Path, data: dict[str, Any]) -> int:
 
 def _query(folder: Path, data: dict[str, Any], selector: str) -> list[dict[str, Any]]:
     (folder / "report.json").write_text(json.dumps(data), encoding="utf-8")
-    template = Path(document.__file__).with_name("template.typ").read_bytes()
+    template = document._source("equations.typ") + document._source("template.typ")
     answer = typst.query(
         template, selector, root=str(folder), ignore_system_fonts=True, sys_inputs={"data": "/report.json"}
     )
