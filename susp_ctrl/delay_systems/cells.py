@@ -60,11 +60,17 @@ class GaussRule:
         antiderivative[degree + 1, degree] = 1.0 / (2 * degree + 1)
         antiderivative[degree[1:] - 1, degree[1:]] -= 1.0 / (2 * degree[1:] + 1)
         self.integration = vandermonde @ antiderivative @ self.to_coefficients
+        self._barycentric = (-1.0) ** degree * np.sqrt((1.0 - self.nodes**2) * self.weights)
         self.truncation = vandermonde[:, : size - 2] @ self.to_coefficients[: size - 2]
 
     def rows(self, points: FloatArray) -> FloatArray:
         """Rows that interpolate node values at points of [-1, 1], shape (*points.shape, N)."""
-        return legendre.legvander(points, self.size - 1) @ self.to_coefficients
+        rows = points[..., None] - self.nodes
+        # at a node its own weight outgrows all others and the row becomes that of the identity
+        rows[rows == 0.0] = 1e-290
+        np.divide(self._barycentric, rows, out=rows)
+        rows /= rows.sum(axis=-1, keepdims=True)
+        return rows
 
     def phase_resolved(self, tolerance: float) -> float:
         """Return the largest theta whose ``e^{j theta x}`` on [-1, 1] is resolved to a relative tolerance."""

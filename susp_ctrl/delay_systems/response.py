@@ -57,7 +57,8 @@ def simulation_response(
         worst = int(np.argmax(relative))
         warnings.warn(
             f"the estimated error {run.error[worst, case]:.2g} of {system.output_labels[worst]} exceeds "
-            f"rtol = {rtol:g} of its peak {run.peak[worst, case]:.2g}: an input may have kinks that are not announced (breakpoints)",
+            f"rtol = {rtol:g} of its peak {run.peak[worst, case]:.2g}: "
+            "an input may have kinks that are not announced (breakpoints)",
             RuntimeWarning,
             stacklevel=3,
         )
