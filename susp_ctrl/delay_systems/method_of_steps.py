@@ -254,6 +254,9 @@ class _March:
             # states are differences of coordinates, whose rounding they carry
             size = np.max(np.abs(g.xi[:r] + 1j * g.xi[r:]), axis=1, initial=0.0)
             size = np.maximum(size, np.abs(xi[:r] + 1j * xi[r:]))[:, full]
+            # where drives cancel (a symmetric car on a symmetric road does not roll) the rounding of each remains
+            c = solver.coordinates
+            size = size + g.length * (np.abs(c.B1) @ u_peak + np.abs(c.B2) @ w_peak)
             x_size = np.abs(solver.coordinates.back) @ size + x_peak
             z_size = abs(plant.C2) @ x_size + abs(plant.D21) @ u_peak + abs(plant.D22) @ w_peak
             y_size = abs(plant.C1) @ x_size + abs(plant.D11) @ u_peak
