@@ -132,9 +132,8 @@ def delay_independent_stability(sys: Any) -> DelayIndependence:
     """
     system = as_delay_lti(sys, "sys")
     n = system.delays.size
-    free = system.with_delays(np.ones(n))
-    loop = delay_line(free, np.ones(n), np.zeros(n), 1.0).matrices
-    owner = _owner_of_channels(free)
+    loop, number = _free_loop(system)
+    owner = np.unique(number, return_inverse=True)[1]
     small, small_omega = supremum(loop, lambda P: perron_bound(np.abs(P)))
     largest, omega, exact = small, small_omega, True
     if np.unique(owner).size == 1:
@@ -188,7 +187,7 @@ def small_gain_supremum(plant: Realization, gains: ArrayLike) -> tuple[float, fl
     """
     g = np.abs(validation.vector("gains", gains, size=plant.n_channels))
     sys = DelayLTI(plant, np.ones(g.size), g)
-    loop = delay_line(sys, np.ones(g.size), np.zeros(g.size), 1.0).matrices
+    loop, _ = _free_loop(sys)
     return supremum(loop, lambda P: perron_bound(np.abs(P)))
 
 
@@ -278,11 +277,12 @@ def _spectral_radius(P: ComplexArray) -> FloatArray:
     return np.abs(np.linalg.eigvals(P)).max(axis=-1)
 
 
-def _owner_of_channels(system: DelayLTI) -> np.ndarray:
-    """Return, for each channel in a loop, which delay it has, numbered in order of appearance."""
+def _free_loop(system: DelayLTI) -> tuple[LoopMatrices, np.ndarray]:
+    """Return the channels in loops, all delays being free, and the number of the delay of each channel."""
     n = system.delays.size
-    marked = delay_line(system, np.arange(1.0, n + 1.0), np.zeros(n), 1.0)
-    return np.unique(marked.direction, return_inverse=True)[1]
+    # A direction of its own for each delay keeps them apart, and marks the channels.
+    line = delay_line(system.with_delays(np.ones(n)), np.arange(1.0, n + 1.0), np.zeros(n), 1.0)
+    return line.matrices, np.rint(line.direction).astype(int) - 1
 
 
 def _stable(poles: np.ndarray) -> bool:
@@ -348,8 +348,7 @@ def _destabilising_delays(system: DelayLTI, loop: LoopMatrices, owner: np.ndarra
 def _block_of_delay(system: DelayLTI) -> np.ndarray:
     """Return, for each delay, the number of its block of channels in the loop; -1 for a delay in no loop."""
     n = system.delays.size
-    line = delay_line(system.with_delays(np.ones(n)), np.arange(1.0, n + 1.0), np.zeros(n), 1.0)
+    used = np.unique(_free_loop(system)[1])
     blocks = np.full(n, -1)
-    used = np.unique(np.rint(line.direction).astype(int) - 1)
     blocks[used] = np.arange(used.size)
     return blocks
