@@ -14,6 +14,7 @@ from susp_ctrl.report.document import NO_TYPST, payload, write_pdf
 from susp_ctrl.report.page import table_html, write_page
 from susp_ctrl.report.saving import MANIFEST, replacing, write_manifest
 from susp_ctrl.report.sections import sections_of
+from susp_ctrl.report.sections.provenance import all_versions
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -188,7 +189,7 @@ class StudyResult:
             "title": self.data.study.title,
             "study_file": source.study_file,
             "study_sha256": source.study_sha256,
-            "versions": dict(source.versions),
+            "versions": all_versions(self.data),
             "seeds": dict(source.seeds),
             "summary": list(self.summary),
             "undecided": self.data.undecided,

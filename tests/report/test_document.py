@@ -55,6 +55,7 @@ def test_manifest_agrees_with_the_files(saved: tuple[Path, list[Path]]) -> None:
     assert manifest["study_sha256"] == "ab" * 32
     assert manifest["seeds"] == {"first_tuned": 1}
     assert manifest["versions"]["susp_ctrl"] == "0.1.0"
+    assert {"matplotlib", "typst"} <= set(manifest["versions"])
     assert manifest["undecided"] is False
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -12,11 +13,22 @@ if TYPE_CHECKING:
     from susp_ctrl.study.result import StudyRun
 
 
+def all_versions(run: StudyRun) -> dict[str, str]:
+    """Return the versions that computed the study and those that drew and set the report."""
+    found = dict(run.provenance.versions)
+    for package in ("matplotlib", "typst"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
 def provenance_section(run: StudyRun) -> Section:
     """Return the section that says what was run with what."""
     source = run.provenance
     rows = [("study file", source.study_file or "built in Python"), ("SHA-256", source.study_sha256 or "–")]
-    rows += [(f"version of {name}", version) for name, version in source.versions.items()]
+    rows += [(f"version of {name}", number) for name, number in all_versions(run).items()]
     rows += [(f"seed of {name}", str(seed)) for name, seed in source.seeds.items()]
     return Section(
         "Provenance",
