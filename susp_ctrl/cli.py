@@ -69,17 +69,22 @@ def run(
         Path | None,
         typer.Option(help="Folder of the report. [default: out/NAME-OF-THE-STUDY]", show_default=False),
     ] = None,
+    html: Annotated[
+        bool, typer.Option("--html", help="Also write report.html, one page to open offline.")
+    ] = False,
     changes: Changes = None,
 ) -> None:
     """Run a whole study and write its report: PDF, CSV tables, figures."""
     with _one_line_errors():
         import susp_ctrl as sc
+        from susp_ctrl.report import check_folder
 
         settings = _load(study, changes)
+        target = check_folder(Path("out") / study.stem if out is None else out)
         with _progress() as progress:
             result = sc.run_study(settings, progress=progress)
-            progress("writing the report", 1.0)
-            written = result.save(Path("out") / study.stem if out is None else out)
+        with _progress() as progress:
+            written = result.save(target, progress=progress, html=html)
         for path in written:
             print(path)
         print()
