@@ -27,7 +27,8 @@ def trace_curves(plane: CrossingPlane, strongest: LoopMatrices) -> Segments:
     `strongest` is the loop with the largest gains of the plane: where it has small gain there is no curve.
     """
     bands = small_gain_bands(strongest)
-    found = feasible_intervals(plane.excess, bands.centre, bands.half)
+    longest = max(float(plane.other_delays.max(initial=0.0)), *plane.delays)
+    found = feasible_intervals(plane.excess, bands, longest)
     parts = [
         _trace(plane, low, high, k == 0 and low <= _lowest(bands)) for k, (low, high) in enumerate(found)
     ]
@@ -36,24 +37,36 @@ def trace_curves(plane: CrossingPlane, strongest: LoopMatrices) -> Segments:
 
 
 def feasible_intervals(
-    excess: Callable[[FloatArray], FloatArray], centre: FloatArray, half: FloatArray
+    excess: Callable[[FloatArray], FloatArray], bands: Bands, longest: float
 ) -> list[tuple[float, float]]:
-    """Return the intervals in the bands on which `excess` is not negative, their ends found by bisection."""
-    if centre.size == 0:
+    """Return the intervals in the bands on which `excess` is not negative, their ends found by bisection.
+
+    `longest` is the longest delay in the coefficients: samples are a small part of its turn apart.
+    """
+    if bands.centre.size == 0:
         return []
-    top, lowest = float((centre + half).max()), _lowest(Bands(centre, half))
-    omega = np.unique((centre[:, None] + half[:, None] * np.linspace(-1.0, 1.0, 9)).ravel())
-    omega = np.unique(np.concatenate([omega[omega > lowest], np.geomspace(lowest, top, 200)]))
+    top, lowest = float((bands.centre + bands.half).max()), _lowest(bands)
+    parts = np.clip(np.ceil(bands.half * longest / 0.04), 12, 400).astype(int)
+    samples = [
+        c + h * np.linspace(-1.0, 1.0, 2 * n + 1)
+        for c, h, n in zip(bands.centre, bands.half, parts, strict=True)
+    ]
+    omega = np.concatenate([*samples, np.geomspace(lowest, top, 200)])
+    omega = np.unique(omega[omega >= lowest])
     # Ends of neighbouring bands differ by rounding; a maximum must have two true neighbours.
     omega = omega[np.append(True, np.diff(omega) > 1e-9 * omega[1:])]
     value = _finite(excess(omega))
-    # An interval that lies between two samples, however narrow, has its highest value between them.
-    inner = np.flatnonzero((value[1:-1] < 0.0) & (value[1:-1] >= value[:-2]) & (value[1:-1] >= value[2:])) + 1
+    # An interval that lies between two samples, however narrow, has its highest value between them. Closer
+    # samples about each maximum first tell apart two that are near each other.
+    for _ in range(2):
+        inner = _maxima(value)
+        low, high = omega[inner - 1], omega[inner + 1]
+        omega, value = _with(
+            excess, omega, value, (low + (high - low) * np.arange(1, 20)[:, None] / 20).ravel()
+        )
+    inner = _maxima(value)
     if inner.size:
-        peak = _highest(excess, omega[inner - 1], omega[inner + 1])
-        omega = np.concatenate([omega, peak])
-        order = np.argsort(omega)
-        omega, value = omega[order], np.concatenate([value, _finite(excess(peak))])[order]
+        omega, value = _with(excess, omega, value, _highest(excess, omega[inner - 1], omega[inner + 1]))
     inside = value >= 0.0
     change = np.flatnonzero(inside[1:] != inside[:-1])
     good = np.where(inside[change], omega[change], omega[change + 1])
@@ -64,6 +77,21 @@ def feasible_intervals(
         good, bad = np.where(feasible, middle, good), np.where(feasible, bad, middle)
     ends = np.concatenate([omega[:1] if inside[0] else [], good, omega[-1:] if inside[-1] else []])
     return [(float(a), float(b)) for a, b in ends.reshape(-1, 2) if b > a]
+
+
+def _maxima(value: FloatArray) -> np.ndarray:
+    """Return the positions of maxima below zero."""
+    return np.flatnonzero((value[1:-1] < 0.0) & (value[1:-1] >= value[:-2]) & (value[1:-1] >= value[2:])) + 1
+
+
+def _with(
+    excess: Callable[[FloatArray], FloatArray], omega: FloatArray, value: FloatArray, more: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the samples with others added, in order."""
+    if more.size == 0:
+        return omega, value
+    omega, first = np.unique(np.concatenate([omega, more]), return_index=True)
+    return omega, np.concatenate([value, _finite(excess(more))])[first]
 
 
 def _lowest(bands: Bands) -> float:
@@ -181,7 +209,7 @@ def _repeated(
         first = values[:-1]
         ends.append((first, first + _wrapped(values[1:] - first) if axis.is_delay else values[1:]))
     index = np.flatnonzero(np.isfinite(ends[0][0] + ends[0][1] + ends[1][0] + ends[1][1]) & (sense != 0.0))
-    columns = []
+    columns: list[np.ndarray] = []
     for axis, (a, b) in zip((plane.x, plane.y), ends, strict=True):
         if axis.is_delay:
             lowest = np.minimum(axis.low * np.minimum(w0, w1), axis.low * np.maximum(w0, w1))
@@ -226,48 +254,69 @@ def _zero_frequency(plane: CrossingPlane) -> Segments:
     """Return the curve on which a real root passes through zero; only gains move it."""
     if plane.x.is_delay and plane.y.is_delay:
         return Segments.joined([])
-    count = 801
-    x, y = np.linspace(plane.x.low, plane.x.high, count), np.linspace(plane.y.low, plane.y.high, count)
+    corner = _characteristic(plane, 0.0, np.array([0.0, 1.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0, 1.0])).real
+    c0, c1, c2 = corner[0], corner[1] - corner[0], corner[2] - corner[0]
+    c12 = corner[3] - c0 - c1 - c2
+    along = plane.x if plane.x.is_delay or not plane.y.is_delay else plane.y
 
-    def f(s: complex, x: FloatArray, y: FloatArray) -> np.ndarray:
-        return _characteristic(plane, s, x, y)
-
-    corner = f(0.0, np.array([0.0, 1.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0, 1.0])).real
-    if plane.x.is_delay or plane.y.is_delay:
-        gain = plane.y if plane.x.is_delay else plane.x
-        # Linear in the one gain: a straight line across the plane.
-        slope = (corner[2] if plane.x.is_delay else corner[1]) - corner[0]
-        if slope == 0.0:
-            return Segments.joined([])
-        value = -corner[0] / slope
-        if not gain.low - 1e-9 <= value <= gain.high:
-            return Segments.joined([])
-        line = np.full(count, value)
-        x, y = (x, line) if plane.x.is_delay else (line, y)
-    else:
-        c0, c1, c2 = corner[0], corner[1] - corner[0], corner[2] - corner[0]
-        c12 = corner[3] - c0 - c1 - c2
+    def curve(t: FloatArray) -> FloatArray:
+        """Points of the curve over the delay (a straight line across the plane) or over the first gain."""
         with np.errstate(all="ignore"):
-            y = -(c0 + c1 * x) / (c2 + c12 * x)
-    points = np.column_stack([x, y])
+            if plane.x.is_delay:
+                return np.column_stack([t, np.full_like(t, -c0 / c2)])
+            if plane.y.is_delay:
+                return np.column_stack([np.full_like(t, -c0 / c1), t])
+            return np.column_stack([t, -(c0 + c1 * t) / (c2 + c12 * t)])
+
+    tiny = 1e-7 * max(1.0, float(np.linalg.norm(plane.loop.A, 2)))
+
+    def slope(t: FloatArray) -> FloatArray:
+        """Derivative of the characteristic function with respect to s at s = 0."""
+        points = curve(t)
+        usable = np.all(np.isfinite(points), axis=1)
+        result = np.full(t.size, np.nan)
+        result[usable] = _characteristic(plane, 1j * tiny, *points[usable].T).imag / tiny
+        return result
+
+    t = np.linspace(along.low, along.high, 801)
+    if not (plane.x.is_delay or plane.y.is_delay):
+        # Steep parts: places at which the second gain takes even values.
+        y = np.linspace(plane.y.low, plane.y.high, 801)
+        with np.errstate(all="ignore"):
+            steep = -(c0 + c2 * y) / (c1 + c12 * y)
+        t = np.unique(np.concatenate([t, steep[(steep >= along.low) & (steep <= along.high)]]))
+    value = slope(t)
+    # Where it vanishes a second root is at zero: there a curve of pairs ends, and the sense of this one turns.
+    turning = np.flatnonzero(value[1:] * value[:-1] < 0.0)
+    low, high = t[turning], t[turning + 1]
+    for _ in range(45):
+        middle = 0.5 * (low + high)
+        same = slope(middle) * value[turning] > 0.0
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    t = np.sort(np.concatenate([t, 0.5 * (low + high)]))
+    points = curve(t)
     start, end = points[:-1], points[1:]
     usable = np.all(np.isfinite(start) & np.isfinite(end), axis=1)
+    middle = 0.5 * (t[1:] + t[:-1])[usable]
     start, end = start[usable], end[usable]
-    usable = np.abs(end[:, 1] - start[:, 1]) < 3.0 * (plane.y.high - plane.y.low)
-    start, end = start[usable], end[usable]
-    middle, normal = 0.5 * (start + end), np.column_stack([(end - start)[:, 1], -(end - start)[:, 0]])
-    size = 1e-6 * np.linalg.norm(normal, axis=1, keepdims=True)
-    step = normal / np.maximum(size * 1e6, 1e-300) * 1e-6 * np.array(
-        [plane.x.high - plane.x.low, plane.y.high - plane.y.low]
-    ).min()  # fmt: skip
-    change = (f(0.0, *(middle + step).T) - f(0.0, *(middle - step).T)).real
-    tiny = 1e-7 * max(1.0, float(np.linalg.norm(plane.loop.A, 2)))
-    slope_s = f(1j * tiny, *middle.T).imag / tiny
-    to_right = -np.sign(change) * np.sign(slope_s)
-    flip = to_right < 0
+    sense = slope(middle)
+    lowest, highest = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
+    # From below the range to above it in one step only through infinity.
+    keep = ~((lowest < plane.y.low) & (highest > plane.y.high))
+    start, end, sense = start[keep], end[keep], sense[keep]
+    x, y = 0.5 * (start + end).T
+    zero = np.zeros_like(x)
+    # Gradient of the characteristic function at s = 0; the normal points to the right of the segment.
+    gradient = np.column_stack([
+        zero if plane.x.is_delay else (c1 + c12 * y if not plane.y.is_delay else c1 + zero),
+        zero if plane.y.is_delay else (c2 + c12 * x if not plane.x.is_delay else c2 + zero),
+    ])  # fmt: skip
+    normal = np.column_stack([(end - start)[:, 1], -(end - start)[:, 0]])
+    to_right = -np.sign(np.sum(gradient * normal, axis=1)) * np.sign(sense)
+    flip = to_right < 0.0
     return Segments(
         np.where(flip[:, None], end, start), np.where(flip[:, None], start, end),
-        np.abs(to_right).astype(int), np.zeros(len(start)),
+        np.nan_to_num(np.abs(to_right)).astype(int), np.zeros(len(start)),
     )  # fmt: skip
 
 
