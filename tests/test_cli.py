@@ -131,7 +131,7 @@ def test_a_command_whose_section_the_study_lacks_says_so(tmp_path: Path) -> None
 def test_a_run_that_fails_leaves_no_report_and_keeps_the_old_one(tmp_path: Path, monkeypatch) -> None:
     target = tmp_path / "report"
     target.mkdir()
-    (target / "manifest.json").write_text("old")
+    (target / "manifest.json").write_text('{"files": []}')
     import susp_ctrl.study
 
     def interrupted(*_: object, **__: object) -> None:
@@ -142,7 +142,7 @@ def test_a_run_that_fails_leaves_no_report_and_keeps_the_old_one(tmp_path: Path,
     assert result.exit_code == 130
     assert "nothing was written" in result.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["report"]
-    assert (target / "manifest.json").read_text() == "old"
+    assert (target / "manifest.json").read_text() == '{"files": []}'
 
 
 def test_the_installed_command_exists() -> None:
