@@ -78,7 +78,16 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "BandPeak",
         "RoadRms",
     ),
-    "susp_ctrl.study": ("load_study",),
+    "susp_ctrl.study": (
+        "load_study",
+        "sweep",
+        "Grid",
+        "LatinHypercube",
+        "MonteCarlo",
+        "Range",
+        "Tolerance",
+        "Factor",
+    ),
     "susp_ctrl.report": ("run_study",),
 }
 

@@ -179,6 +179,51 @@ def tune(study: StudyFile, changes: Changes = None, as_json: AsJson = False) -> 
     _leave(data)
 
 
+@app.command(epilog="Example: susp-ctrl sweep studies/robustness.toml --workers 2 --set sweep.samples=100")
+def sweep(
+    study: StudyFile,
+    workers: Annotated[
+        int | None, typer.Option(help="Number of processes. [default: all processors]", show_default=False)
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the results. [default: out/NAME-OF-THE-STUDY_sweep]", show_default=False),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Compute on the Dask cluster of this scheduler.")
+    ] = None,
+    changes: Changes = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compute many variants of a study; every finished one is kept, and the same command goes on where it stopped."""
+    with _one_line_errors():
+        import susp_ctrl as sc
+
+        settings = _load(study, changes)
+        folder = Path("out") / f"{study.stem}_sweep" if out is None else out
+        with _progress() as progress:
+            try:
+                result = sc.sweep(
+                    settings, workers=workers, folder=folder, scheduler=scheduler, progress=progress
+                )
+            except KeyboardInterrupt:
+                print(f"susp-ctrl: interrupted; finished variants are kept in {folder}", file=sys.stderr)
+                raise typer.Exit(INTERRUPTED) from None
+            progress("writing the results", 1.0)
+            written = result.save(folder)
+        if as_json:
+            _print(result.tables, as_json)
+        else:
+            for path in written:
+                print(path)
+            print()
+            _print({"yields": result.yields, "sensitivity of J": result.ranking("J")}, as_json)
+            print(result)
+        if result.undecided:
+            print("susp-ctrl: the stability of at least one variant is undecided", file=sys.stderr)
+            raise typer.Exit(UNDECIDED)
+
+
 def _load(path: Path, changes: list[str] | None) -> Study:
     import tomllib
 

@@ -26,6 +26,7 @@ from susp_ctrl.plotting.style import (
     styles_for,
 )
 from susp_ctrl.plotting.trade_off import draw_trade_off
+from susp_ctrl.plotting.variants import draw_distribution, draw_heat_map, draw_sensitivity
 
 __all__ = [
     "axes_for",
@@ -34,6 +35,8 @@ __all__ = [
     "draw_changes",
     "draw_convergence",
     "draw_detuning",
+    "draw_distribution",
+    "draw_heat_map",
     "draw_history",
     "draw_intervals",
     "draw_magnitude",
@@ -41,6 +44,7 @@ __all__ = [
     "draw_road",
     "draw_root_locus",
     "draw_roots",
+    "draw_sensitivity",
     "draw_stability_map",
     "draw_trade_off",
     "draw_unit_modulus",

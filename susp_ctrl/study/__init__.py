@@ -2,7 +2,23 @@
 
 from __future__ import annotations
 
+from susp_ctrl.study.parameter_sweep import sweep
 from susp_ctrl.study.run import compute_study
+from susp_ctrl.study.sampling_plan import Grid, LatinHypercube, MonteCarlo
 from susp_ctrl.study.study_file import Study, load_study
+from susp_ctrl.study.sweep_result import SweepResult
+from susp_ctrl.study.variation import Factor, Range, Tolerance
 
-__all__ = ["Study", "compute_study", "load_study"]
+__all__ = [
+    "Factor",
+    "Grid",
+    "LatinHypercube",
+    "MonteCarlo",
+    "Range",
+    "Study",
+    "SweepResult",
+    "Tolerance",
+    "compute_study",
+    "load_study",
+    "sweep",
+]

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError
@@ -41,12 +40,15 @@ class DrawnVariants:
         One row per variant, one column per factor: the value, or the relative change of a `Tolerance`.
     changes : tuple of mapping
         For every variant, each key and its value.
+    random : bool
+        Whether they are samples, or else a full grid.
     """
 
     kind: str
     factors: tuple[Factor, ...]
     coordinates: pd.DataFrame
     changes: tuple[Mapping[str, Value], ...]
+    random: bool
 
     @property
     def keys(self) -> list[str]:
@@ -78,7 +80,7 @@ class Grid:
                 f"factors: the grid has {number:,} variants, at most {MOST_VARIANTS:,} are allowed"
             )
         columns = [list(column) for column in zip(*itertools.product(*levels), strict=True)]
-        return _drawn(f"full factorial grid of {number} variants", self.factors, columns, study)
+        return _drawn(f"full factorial grid of {number} variants", self.factors, columns, study, random=False)
 
 
 @dataclass(frozen=True, init=False)
@@ -111,6 +113,8 @@ class LatinHypercube:
 
     def draw(self, study: Study) -> DrawnVariants:
         """Return the variants."""
+        from scipy.stats import qmc  # slow to import, and few studies sweep
+
         hypercube = qmc.LatinHypercube(len(self.factors), seed=np.random.default_rng(self.seed))
         return _sampled("Latin hypercube", self, hypercube.random(self.samples), study)
 
@@ -178,9 +182,7 @@ def _set_random(plan: Any, factors: Any, samples: int, seed: int) -> None:
     object.__setattr__(plan, "seed", validation.integer("seed", seed, at_least=0))
 
 
-def _sampled(
-    name: str, plan: LatinHypercube | MonteCarlo, shares: FloatArray, study: Study
-) -> DrawnVariants:
+def _sampled(name: str, plan: LatinHypercube | MonteCarlo, shares: FloatArray, study: Study) -> DrawnVariants:
     columns = [factor.spread.at(shares[:, n]) for n, factor in enumerate(plan.factors)]
     return _drawn(f"{name}, {plan.samples} samples, seed {plan.seed}", plan.factors, columns, study)
 
@@ -205,17 +207,20 @@ def _given(samples: Sequence[Any], study: Study) -> DrawnVariants:
 
 
 def _drawn(
-    kind: str, factors: tuple[Factor, ...], columns: Sequence[Sequence[Value]], study: Study
+    kind: str,
+    factors: tuple[Factor, ...],
+    columns: Sequence[Sequence[Value]],
+    study: Study,
+    *,
+    random: bool = True,
 ) -> DrawnVariants:
-    changes = [
-        factor.changes(study, column) for factor, column in zip(factors, columns, strict=True)
-    ]
+    changes = [factor.changes(study, column) for factor, column in zip(factors, columns, strict=True)]
     merged = [
         {key: value for part in parts for key, value in part.items()} for parts in zip(*changes, strict=True)
     ]
     names = [factor.name for factor in factors]
     coordinates = pd.DataFrame(dict(zip(names, map(list, columns), strict=True)), columns=names)
-    return DrawnVariants(kind, factors, coordinates, tuple(merged))
+    return DrawnVariants(kind, factors, coordinates, tuple(merged), random)
 
 
 def _check_keys(study: Study, drawn: DrawnVariants) -> None:

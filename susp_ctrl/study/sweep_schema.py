@@ -1,6 +1,5 @@
 """Settings of a sweep over many variants of a study: what varies, what is computed, and what counts as good."""
 
-# ruff: noqa: RUF009  setting() makes a dataclass field
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -57,7 +56,9 @@ class FactorSettings(Settings):
         rest = {name: value for name, value in table.items() if name != "values"}
         for name in ("relative", "range"):
             if name in rest:
-                raise place.error(SettingError(name, rest[name], "not used beside values: remove one of them"))
+                raise place.error(
+                    SettingError(name, rest[name], "not used beside values: remove one of them")
+                )
         # A range stands in for the values while the other keys are read.
         other: Self = read_fields(cls, place, rest | {"range": [0.0, 1.0]})
         try:
@@ -88,7 +89,7 @@ class SweepSettings(Settings):
     """
 
     kind: str = setting("latin_hypercube", choices=KINDS)
-    factors: tuple[FactorSettings, ...] = setting(not_empty=True)
+    factors: tuple[FactorSettings, ...] = setting(())
     samples: int | None = setting(None, at_least=1, at_most=1_000_000)
     seed: int | None = setting(None, at_least=0)
     designs: tuple[str, ...] = setting(())
@@ -98,13 +99,22 @@ class SweepSettings(Settings):
     retune: bool = setting(False)
     limits: Mapping[str, float] | None = setting(None)
 
+    @classmethod
+    def from_table(cls, place: Place, table: Any) -> Self:
+        """Read the table, in which something has to vary."""
+        read: Self = read_fields(cls, place, table)
+        if not read.factors:
+            raise place.error(SettingError("factors", MISSING, "at least one [[sweep.factors]] is needed"))
+        return read
+
     def check(self) -> None:
         """Check the factors together, and that a grid has no samples."""
         for name in ("samples", "seed"):
             if self.kind == "grid" and getattr(self, name) is not None:
                 raise SettingError(name, getattr(self, name), 'not used with kind = "grid": remove this key')
         try:
-            Factor.all_of([one.factor() for one in self.factors])
+            if self.factors:
+                Factor.all_of([one.factor() for one in self.factors])
         except InputError as problem:
             raise SettingError("factors", [one.name for one in self.factors], str(problem)) from None
 
@@ -128,7 +138,9 @@ def indicator_limits(limits: Mapping[str, float], outputs: Sequence[str]) -> dic
     return result
 
 
-def check_sweep(sweep: SweepSettings, outputs: Sequence[str], designs: Sequence[str], cases: Sequence[str]) -> None:
+def check_sweep(
+    sweep: SweepSettings, outputs: Sequence[str], designs: Sequence[str], cases: Sequence[str]
+) -> None:
     """Check what a sweep says of designs, time cases and signals of the study.
 
     Raises

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import truncnorm
+from scipy.special import ndtr, ndtri
 
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError
+
 if TYPE_CHECKING:
     from susp_ctrl.study.study_file import Study
 
@@ -29,7 +30,8 @@ def quantiles(low: float, high: float, distribution: str, share: FloatArray) -> 
     ``"normal"`` has its mean in the middle and three standard deviations to either end, where it is cut.
     """
     if distribution == "normal":
-        share = (truncnorm.ppf(share, -_SIGMAS, _SIGMAS) / _SIGMAS + 1.0) / 2.0
+        inside = ndtr(-_SIGMAS) + share * (ndtr(_SIGMAS) - ndtr(-_SIGMAS))
+        share = (ndtri(inside) / _SIGMAS + 1.0) / 2.0
     return low + (high - low) * share
 
 
@@ -238,13 +240,13 @@ def plain_value(value: Any) -> Value:
     raise InputError(f"value {value!r} is not allowed: a finite number, a text, true or false is needed")
 
 
-
-
 def _spread(key: str, spread: Any) -> Spread:
     if isinstance(spread, (Range, Tolerance, Levels)):
         return spread
     if isinstance(spread, (str, bytes, Mapping)) or not hasattr(spread, "__iter__"):
-        raise InputError(f"{key}: {spread!r} is not allowed: a list of values, a Range or a Tolerance is needed")
+        raise InputError(
+            f"{key}: {spread!r} is not allowed: a list of values, a Range or a Tolerance is needed"
+        )
     try:
         return Levels(tuple(spread))
     except InputError as problem:
