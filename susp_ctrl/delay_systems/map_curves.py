@@ -281,7 +281,8 @@ def _zero_frequency(plane: CrossingPlane) -> Segments:
     t = np.linspace(along.low, along.high, 801)
     if not (plane.x.is_delay or plane.y.is_delay):
         # Steep parts: places at which the second gain takes even values.
-        y = np.linspace(plane.y.low, plane.y.high, 801)
+        beyond = 0.25 * (plane.y.high - plane.y.low)
+        y = np.linspace(plane.y.low - beyond, plane.y.high + beyond, 1201)
         with np.errstate(all="ignore"):
             steep = -(c0 + c2 * y) / (c1 + c12 * y)
         t = np.unique(np.concatenate([t, steep[(steep >= along.low) & (steep <= along.high)]]))
@@ -302,7 +303,9 @@ def _zero_frequency(plane: CrossingPlane) -> Segments:
     sense = slope(middle)
     lowest, highest = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
     # From below the range to above it in one step only through infinity.
-    keep = ~((lowest < plane.y.low) & (highest > plane.y.high))
+    keep = ~((lowest <= plane.y.low) & (highest >= plane.y.high))
+    # ... or the straight line of a single gain, which is sampled along the delay.
+    keep |= plane.x.is_delay | plane.y.is_delay
     start, end, sense = start[keep], end[keep], sense[keep]
     x, y = 0.5 * (start + end).T
     zero = np.zeros_like(x)

@@ -32,9 +32,11 @@ from susp_ctrl.delay_systems.map_result import StabilityMap
 from susp_ctrl.delay_systems.map_segments import Segments
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
-# Raster on which connected regions are told apart, and how many of them are counted independently.
+# Raster on which connected regions are told apart, how many of them are counted independently, and how many
+# points along each axis besides.
 _RASTER = 240
-_CHECKED_REGIONS = 24
+_CHECKED_REGIONS = 20
+_SPREAD = 4
 
 
 def stability_map(
@@ -288,6 +290,12 @@ def _checked(
         count = problem.count(float(raster.x[place[k]]), float(raster.y[place[k]]))
         counted[k] = -1 if count is None else count
         agreed &= count is None or count == number[place[k]]
+    # Points spread over the whole rectangle as well: they find a curve that is missing altogether.
+    even = (_RASTER * (2 * np.arange(_SPREAD) + 1)) // (2 * _SPREAD)
+    for k in (even[:, None] * _RASTER + even).ravel():
+        if raster.clear[k] > 2.0:
+            count = problem.count(float(raster.x[k]), float(raster.y[k]))
+            agreed &= count is None or count == number[k]
     table = pd.DataFrame(
         {
             "unstable_roots": number[place],
