@@ -110,6 +110,8 @@ class _March:
         self.error, self.peak = np.zeros((p, cases)), np.zeros((p, cases))
         self.z_peak, self.u_peak = np.zeros((self.delays.size, cases)), np.zeros((q, cases))
         self.x_peak = np.abs(past.state) * np.ones((n, cases))
+        self.most, self.wait, self.backoff, self.trial = 8, 0, 1, False
+        self.gaps = np.diff(self.edges)
         self.accept = ""  # why cells are taken whose coefficients do not decay: "noise" or "small"
 
     def _plan(self, rtol: float) -> None:
@@ -130,11 +132,11 @@ class _March:
             phase = 0.5 * self.omega * step
             few = [n for n in _FEW_NODES if gauss_rule(n).phase_resolved(self.tolerance) >= 3.0 * phase]
             self.rule = gauss_rule(few[0] if few else _NODES)
-        self.length = 2.0 * self.rule.phase_resolved(self.tolerance) / self.omega
+        self.length = 1.8 * self.rule.phase_resolved(self.tolerance) / self.omega
         self.nominal = self.length
         self.smallest = _SMALLEST * min(self.length, self.end - start)
         resolved = 2.0 * self.rule.size / min(self.length, self.end - start)
-        cut = max(1e-3 * rtol, 1e-15)
+        cut = max(1e-2 * rtol, 1e-15)
         kinks = propagated_kinks(
             plant, self.delays, {*sources, *self.past.kinks}, self.end, resolved, cut, self.near
         )
@@ -146,8 +148,6 @@ class _March:
     def run(self) -> Run:
         """March from edge to edge."""
         gap, time = 0, float(self.edges[0])
-        self.most = 8
-        self.gaps = np.diff(self.edges)
         tries: list[tuple[float, float]] = []  # lengths refused so far and their tails
         while gap < self.gaps.size:
             starts, lengths, next_time, next_gap = self._next_panel(gap, time)
@@ -161,11 +161,13 @@ class _March:
             self.accept, tries = "", []
             time, gap = next_time, next_gap
             self.most = min(2 * self.most, _MOST_CELLS)
+            self.wait, self.trial = self.wait - 1, False
             if growth >= 1.25:
-                self.length = max(self.length, min(growth, 2.0) * longest)
-            elif growth >= 1.0 and self.length < self.nominal:
-                # what keeps the estimate down may be rounding
-                self.length = min(self.nominal, 2.0 * self.length)
+                cap = 2.0 if self.length < self.nominal else 1.25
+                self.length = max(self.length, min(growth, cap) * longest)
+            elif self.length < self.nominal and self.wait <= 0:
+                # what keeps the estimate down may be rounding; a refusal makes the next trial wait longer
+                self.length, self.trial = min(self.nominal, 2.0 * self.length), True
         r, longest_delay = self.solver.coordinates.size, float(np.max(self.delays, initial=0.0))
         state = (self.solver.coordinates.back @ (self.xi[:r] + 1j * self.xi[r:])).real[:, : self.cases]
         kinks = tuple(float(t) for t in self.edges if t >= self.end - longest_delay)
@@ -175,6 +177,8 @@ class _March:
     def _refine(self, tries: list[tuple[float, float]], factor: float) -> None:
         """Shorten the cells, or accept them as they are where that does not help."""
         (first, tail_first), (last, tail_last) = tries[0], tries[-1]
+        self.backoff = 2 * self.backoff if self.trial else 1
+        self.wait, self.trial = self.backoff, False
         self.most = min(self.most, 8)
         if last <= self.smallest:
             self.accept = "small"
@@ -286,14 +290,15 @@ class _March:
         tails = np.max(tails.reshape(signals, cells, cases), axis=1, initial=0.0)
         rise = np.max(np.ptp(signal, axis=1), axis=1, initial=0.0) if signals else floor
         late = 4.0 * _EPS * abs(float(g.starts[-1])) / g.length
-        above = np.maximum(tails - floor - late * rise, 0.0)
+        rounding = floor + late * rise
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(above > 0.0, above / (self.tolerance * peak), 0.0)
-        largest = float(np.max(ratio, initial=0.0))
+            excess = np.where(tails > rounding, (tails - rounding) / (self.tolerance * peak), 0.0)
+            share = np.where(tails > 0.0, tails / (self.tolerance * peak + rounding), 0.0)
+        largest = float(np.max(excess, initial=0.0))
         if largest > 1.0 and not self.accept:
             factor = (1.0 / largest) ** (1.0 / self.rule.size) * 0.9 if np.isfinite(largest) else 0.3
             raise _Refine(float(np.clip(factor, 0.3, 0.8)), largest * self.tolerance)
-        return max(worst, largest)
+        return max(worst, float(np.max(share, initial=0.0)))
 
     def _write(self, results: list[tuple[CellGroup, FloatArray, FloatArray]], end: float) -> None:
         """Interpolate the panel's signals at the output times that fall into it."""

@@ -69,7 +69,9 @@ def test_at_least_ten_times_faster_than_jitcdde(ours, reference, tmp_path, monke
         system.purge_past()
         system.constant_past(np.zeros(9))
         system.reset_integrator()
-        system.set_integration_parameters(rtol=rtol, atol=rtol * 1e-3, first_step=1e-5, max_step=0.05, min_step=1e-14)
+        system.set_integration_parameters(
+            rtol=rtol, atol=rtol * 1e-3, first_step=1e-5, max_step=0.05, min_step=1e-14
+        )
         begin = time.perf_counter()
         system.step_on_discontinuities()
         first = int(np.searchsorted(T, system.t))

@@ -218,6 +218,7 @@ def test_two_incommensurate_delays_with_jump_history_and_delayed_step():
 
 
 @pytest.mark.property
+@pytest.mark.filterwarnings("ignore:the estimated error")
 def test_kinks_that_nobody_announces_are_found():
     sys, t = half_car_loop(), np.linspace(0.0, 3.0, 700)
     unknown = {"road_front": lambda t: np.abs(np.sin(5.0 * t)) * 0.02}
