@@ -4,11 +4,36 @@
   SIAM J. Sci. Comput. 27(2), 2005), a different discretisation from the one under test, which has one line for
   each delayed signal;
 * `dense_contour_count`: the phase of the determinant on a fixed, very dense grid of a large half circle.
+
+Random systems for the property tests: `random_loop`, and `shifted`, which moves all roots by a known distance.
 """
 
 from __future__ import annotations
 
 import numpy as np
+
+
+def random_loop(seed):
+    """A[0], A[1], ... and the delays: 1 to 6 states, 1 to 3 incommensurate delays of any rank, stable and unstable.
+
+    One in ten has no undelayed part.
+    """
+    random = np.random.default_rng(seed)
+    n, m = random.integers(1, 7), random.integers(1, 4)
+    rate = 10.0 ** random.uniform(-1.0, 1.0)
+    A0 = rate * (random.normal(size=(n, n)) - random.choice([0.0, 1.0, 3.0]) * np.eye(n))
+    A = [A0 * (random.random() > 0.1)]
+    for _ in range(m):
+        rank = random.integers(1, n + 1)
+        factor = rate * 10.0 ** random.uniform(-1.0, 0.4) / np.sqrt(n * rank)
+        A.append(factor * random.normal(size=(n, rank)) @ random.normal(size=(rank, n)))
+    return A, 10.0 ** random.uniform(-1.5, 0.8, m) / rate
+
+
+def shifted(A, delays, shift):
+    """The same loop with every root moved by `shift` to the left, exactly: s -> s + shift."""
+    moved = [A[0] - shift * np.eye(len(A[0]))]
+    return moved + [a * np.exp(-shift * tau) for a, tau in zip(A[1:], delays, strict=True)]
 
 
 def characteristic_matrix(A, delays, s):

@@ -6,33 +6,13 @@ import warnings
 
 import numpy as np
 import pytest
-from delay_oracles import characteristic_matrix, full_state_roots
+from delay_oracles import characteristic_matrix, full_state_roots, random_loop, shifted
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import susp_ctrl as sc
 from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.roots import rightmost_roots
-
-
-def random_loop(seed):
-    """1 to 6 states, 1 to 3 incommensurate delays, stable and unstable, some without A0."""
-    random = np.random.default_rng(seed)
-    n, m = random.integers(1, 7), random.integers(1, 4)
-    rate = 10.0 ** random.uniform(-1.0, 1.0)
-    A0 = rate * (random.normal(size=(n, n)) - random.choice([0.0, 1.0, 3.0]) * np.eye(n))
-    A = [A0 * (random.random() > 0.1)]
-    for _ in range(m):
-        rank = random.integers(1, n + 1)
-        factor = rate * 10.0 ** random.uniform(-1.0, 0.4) / np.sqrt(n * rank)
-        A.append(factor * random.normal(size=(n, rank)) @ random.normal(size=(rank, n)))
-    return A, 10.0 ** random.uniform(-1.5, 0.8, m) / rate
-
-
-def near_boundary(A, delays, shift):
-    """The same loop with every root moved by `shift` to the left, exactly: s -> s + shift."""
-    moved = [A[0] - shift * np.eye(len(A[0]))]
-    return moved + [a * np.exp(-shift * tau) for a, tau in zip(A[1:], delays, strict=True)]
 
 
 def check_roots_and_count(seed):
@@ -63,7 +43,7 @@ def check_roots_and_count(seed):
         distance = 10.0 ** np.random.default_rng(seed).uniform(-13.0, -2.0) * (abs(found.roots[0]) + 1e-3)
         for side in (-1.0, 1.0):
             shift = float(found.roots[0].real) + side * distance
-            moved = sc.DelayLTI.from_state_delays(A=near_boundary(A, delays, shift), delays=delays)
+            moved = sc.DelayLTI.from_state_delays(A=shifted(A, delays, shift), delays=delays)
             expected = int(np.sum(found.roots.real > shift))
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", sc.UndecidedStabilityWarning)
