@@ -80,8 +80,16 @@ def feasible_intervals(
 
 
 def _maxima(value: FloatArray) -> np.ndarray:
-    """Return the positions of maxima below zero."""
-    return np.flatnonzero((value[1:-1] < 0.0) & (value[1:-1] >= value[:-2]) & (value[1:-1] >= value[2:])) + 1
+    """Return the positions of maxima below zero that may reach zero between the samples.
+
+    The excess is a tent about its highest points, as steep inside a step as beside it.
+    """
+    left, middle, right = value[:-2], value[1:-1], value[2:]
+    rise = np.maximum(middle - left, middle - right)
+    return (
+        np.flatnonzero((middle < 0.0) & (middle >= left) & (middle >= right) & (middle + 4.0 * rise >= 0.0))
+        + 1
+    )
 
 
 def _with(
