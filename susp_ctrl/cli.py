@@ -163,7 +163,13 @@ def sweep_delays(study: StudyFile, changes: Changes = None, as_json: AsJson = Fa
 def compare_pade(study: StudyFile, changes: Changes = None, as_json: AsJson = False) -> None:
     """Show the error of Padé approximations of several orders against the exact delays."""
     data = _compute(study, changes, "pade")
-    _print({case.design: case.table for case in data.pade}, as_json)
+    tables = {case.design: case.table for case in data.pade}
+    for case in data.pade:
+        extra = {"RMS": case.indicators, "order for a tolerance": case.met, "cost": case.cost}
+        tables |= {f"{case.design}: {name}": t for name, t in extra.items() if t is not None}
+    if data.pade_verdicts is not None:
+        tables["verdicts"] = data.pade_verdicts
+    _print(tables, as_json)
     _leave(data)
 
 
@@ -187,7 +193,9 @@ def sweep(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the results. [default: out/NAME-OF-THE-STUDY_sweep]", show_default=False),
+        typer.Option(
+            help="Folder of the results. [default: out/NAME-OF-THE-STUDY_sweep]", show_default=False
+        ),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on the Dask cluster of this scheduler.")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from susp_ctrl.study.result import AuditSection, StabilitySection, TimeCase, TuningRun
+import pandas as pd
+
+from susp_ctrl.study.result import AuditSection, PadeCase, StabilitySection, TimeCase, TuningRun
 from susp_ctrl.study.vehicle_schema import PASSIVE
 from susp_ctrl.study.workbench import Workbench
 
@@ -13,10 +15,15 @@ def headlines(
     stability: StabilitySection | None,
     time: tuple[TimeCase, ...],
     audit: AuditSection | None,
+    pade: tuple[PadeCase, ...] = (),
+    pade_verdicts: pd.DataFrame | None = None,
 ) -> tuple[str, ...]:
-    """Return up to three plain sentences: stability, effect of the designs, audit."""
-    lines = [_stability_line(stability), _effect_line(bench, tuning, time), _audit_line(audit)]
-    return tuple(line for line in lines if line)
+    """Return up to three plain sentences: stability, effect of the designs, audit; without audit, on Padé."""
+    lines = [_stability_line(stability)]
+    if audit is None:
+        lines += [_tolerance_line(bench, pade), _verdict_line(bench, pade_verdicts)]
+    lines += [_effect_line(bench, tuning, time), _audit_line(audit)]
+    return tuple(line for line in lines if line)[:3]
 
 
 def _stability_line(stability: StabilitySection | None) -> str:
@@ -62,3 +69,29 @@ def _audit_line(audit: AuditSection | None) -> str:
         f"Audit of {number} printed numbers: {total['reproduced']} reproduced, {total['explained']} explained by a "
         f"named misprint, {total['not_reproduced']} not reproduced."
     )
+
+
+def _tolerance_line(bench: Workbench, pade: tuple[PadeCase, ...]) -> str:
+    told = []
+    for case in pade:
+        if case.met is None:
+            continue
+        tolerance = case.met["tolerance"].max()
+        worst = case.met.loc[case.met["tolerance"] == tolerance, "order"].max(skipna=False)
+        needed = f"from order {worst:.0f} on" if worst == worst else "at none of the orders"
+        told.append(f"{bench.design(case.design).label} {needed}")
+    return f"Padé keeps every error below {100 * tolerance:g} %: {'; '.join(told)}." if told else ""
+
+
+def _verdict_line(bench: Workbench, verdicts: pd.DataFrame | None) -> str:
+    if verdicts is None:
+        return ""
+    told = []
+    for key, rows in verdicts.groupby("design", sort=False):
+        wrong = rows[~rows["right"] & (rows["exact"] != "undecided")]
+        if not wrong.empty:
+            first = wrong.iloc[0]
+            orders = ", ".join(str(order) for order in wrong["order"])
+            said = wrong["pade_says"].iloc[0]
+            told.append(f"{bench.design(str(key)).label} is {first['exact']}, {said} at order {orders}")
+    return f"Wrong verdicts of Padé on stability: {'; '.join(told)}." if told else ""

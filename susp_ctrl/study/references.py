@@ -62,6 +62,7 @@ def check_references(study: StudySettings) -> None:
                     f"pade.cases.{design_key}", case_key, f"no such design, {nearest(design_key, designs)}"
                 )
             _among(f"pade.cases.{design_key}", [case_key], cases)
+        _among("pade.verdicts", study.pade.verdicts, designs)
     if study.audit is not None:
         _check_audit(study.audit, study, designs, outputs, cases)
     if study.sweep is not None:

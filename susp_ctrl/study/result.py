@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from susp_ctrl.study.pade_result import PadeCase
 from susp_ctrl.study.stability_result import DelayIndependence, DelayLine, StabilitySection, StabilityWord
 
 if TYPE_CHECKING:
@@ -258,36 +259,6 @@ class TimeCase:
 
 
 @dataclass(frozen=True)
-class PadeCase:
-    """Error of Padé approximations of one design against the exact delays.
-
-    Attributes
-    ----------
-    design : str
-        Design key.
-    time_case : str
-        Key of the `TimeCase` whose road is used for the time and RMS errors.
-    table : DataFrame
-        Columns ``order, frequency_error`` (largest error of the responses from the road to the outputs of the case
-        over the band, relative to their peaks), ``root_error`` (1/s, distance of the rightmost roots),
-        ``time_error`` (largest error of body acceleration, or else of the first output, relative to its peak),
-        ``rms_error`` (largest relative error of the RMS of an output),
-        ``stable`` ("stable" | "unstable": what the approximation claims); ``spectral_frequency_error,
-        spectral_root_error, spectral_stable``: the same for the spectral (Chebyshev) approximation of that order.
-    band : tuple of (float, float)
-        Frequencies of `frequency_error` (rad/s).
-    recommended_order : tuple of int
-        Order for the band, per channel.
-    """
-
-    design: str
-    time_case: str
-    table: pd.DataFrame
-    band: tuple[float, float]
-    recommended_order: tuple[int, ...]
-
-
-@dataclass(frozen=True)
 class AuditSection:
     """Published numbers against computed ones.
 
@@ -332,6 +303,10 @@ class StudyRun:
         The sections; None (or an empty tuple) where the study file has none.
     headlines : tuple of str
         The three lines a person most wants to know, as plain sentences.
+    pade_verdicts : DataFrame or None
+        What Padé says about stability, beside the truth: ``design, order, pade_says`` ("stable" | "unstable"),
+        ``pade_abscissa`` (1/s, rightmost eigenvalue), ``exact`` ("stable" | "unstable" | "undecided"),
+        ``exact_abscissa, right`` (whether the two agree).
     """
 
     study: Study
@@ -346,6 +321,7 @@ class StudyRun:
     pade: tuple[PadeCase, ...]
     audit: AuditSection | None
     headlines: tuple[str, ...]
+    pade_verdicts: pd.DataFrame | None = None
 
     def design(self, key: str) -> Design:
         """Return the design with this key; KeyError if there is none."""

@@ -16,6 +16,7 @@ from susp_ctrl.study.audit import Computed, audit_section
 from susp_ctrl.study.frequency_section import frequency_section
 from susp_ctrl.study.headlines import headlines
 from susp_ctrl.study.pade_section import pade_case
+from susp_ctrl.study.pade_verdicts import pade_verdicts
 from susp_ctrl.study.result import PadeCase, Provenance, StudyRun, VehicleSection
 from susp_ctrl.study.stability_section import stability_section
 from susp_ctrl.study.study_file import Study
@@ -89,6 +90,9 @@ def compute_study(
             if key in bench.keys:
                 report = stages.next(f"Padé: {bench.design(key).label}", "pade")
                 pade.append(pade_case(bench, key, settings.pade, cases[case], report))
+    verdicts = None
+    if settings.pade is not None and settings.pade.verdicts and "pade" in wanted:
+        verdicts = pade_verdicts(bench, settings.pade)
     if settings.audit is not None and "audit" in wanted:
         computed = Computed(frequency, tuning, stability, time_cases)
         audit = audit_section(bench, settings.audit, computed, stages.next("audit", "audit"))
@@ -107,7 +111,8 @@ def compute_study(
         time=time_cases,
         pade=tuple(pade),
         audit=audit,
-        headlines=headlines(bench, tuning, stability, time_cases, audit),
+        headlines=headlines(bench, tuning, stability, time_cases, audit, tuple(pade), verdicts),
+        pade_verdicts=verdicts,
     )
 
 

@@ -106,16 +106,43 @@ class TimeSettings(Settings):
 
 @dataclass(frozen=True)
 class PadeSettings(Settings):
-    """Padé approximations of several orders against the exact delays."""
+    """Padé approximations of several orders against the exact delays.
+
+    `cases` says on which road a design is compared. With a band of the wheel hop, the error there and that of the
+    rightmost root in it are added; with `tolerances` (relative), the orders from which on each error keeps them.
+    `by_indicator` adds the RMS error of each output; `cost_repeats` measures the time of each order, as the best of so
+    many runs. The designs of `verdicts` are only asked whether Padé says the truth about their stability.
+    """
 
     orders: tuple[int, ...] = setting(not_empty=True, at_least=1, at_most=60)
     cases: Mapping[str, str] = setting(not_empty=True)
     omega_from: float = setting(0.5, unit="rad_per_s", above=0.0)
     omega_to: float = setting(100.0, unit="rad_per_s", above=0.0)
     points: int = setting(400, at_least=10, at_most=100_000)
+    wheel_hop_from: float | None = setting(None, unit="rad_per_s", above=0.0)
+    wheel_hop_to: float | None = setting(None, unit="rad_per_s", above=0.0)
+    tolerances: tuple[float, ...] = setting((), above=0.0)
+    by_indicator: bool = setting(False)
+    cost_repeats: int = setting(0, at_least=0, at_most=100)
+    verdicts: tuple[str, ...] = setting(())
 
     def check(self) -> None:
-        """Refuse an empty band and orders that do not increase."""
+        """Refuse empty bands, half a band of the wheel hop, and orders that do not increase."""
         check_band(self.omega_from, self.omega_to)
+        low, high = self.wheel_hop_from, self.wheel_hop_to
+        for name, value, other in (("wheel_hop_from", low, high), ("wheel_hop_to", high, low)):
+            if value is None and other is not None:
+                raise SettingError(f"{name}_rad_per_s", MISSING, "this key is missing: a band has two ends")
+        if low is not None and high is not None and low >= high:
+            raise SettingError(
+                "wheel_hop_to_rad_per_s", high, f"more than wheel_hop_from_rad_per_s = {low:g} is needed"
+            )
         if list(self.orders) != sorted(set(self.orders)):
             raise SettingError("orders", list(self.orders), "increasing orders are needed")
+
+    @property
+    def wheel_hop(self) -> tuple[float, float] | None:
+        """The band of the wheel hop (rad/s), if there is one."""
+        if self.wheel_hop_from is None or self.wheel_hop_to is None:
+            return None
+        return self.wheel_hop_from, self.wheel_hop_to
