@@ -15,18 +15,18 @@ from susp_ctrl.delay_systems.delay_independence import (
 )
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.discretization import spectral_approximation
+from susp_ctrl.delay_systems.frequency_sweep import sweep_delays
 from susp_ctrl.delay_systems.map_result import StabilityMap
 from susp_ctrl.delay_systems.margins import StabilityMargins, stability_margins
 from susp_ctrl.delay_systems.norms import h2_norm, hinf_norm, output_rms
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
+from susp_ctrl.delay_systems.response import SimulationResponse
 from susp_ctrl.delay_systems.root_locus import RootLocus, root_locus
 from susp_ctrl.delay_systems.roots import characteristic_roots, spectral_abscissa
-from susp_ctrl.delay_systems.response import SimulationResponse
 from susp_ctrl.delay_systems.simulation import simulate, simulate_many
-from susp_ctrl.delay_systems.sweep import sweep_delays
+from susp_ctrl.delay_systems.sinusoidal import steady_response
 from susp_ctrl.delay_systems.sweep_result import DelaySweep
 from susp_ctrl.delay_systems.two_delay_map import stability_map
-from susp_ctrl.delay_systems.sinusoidal import steady_response
 from susp_ctrl.delay_systems.verdict import StabilityVerdict, stability
 
 __all__ = [
@@ -65,8 +65,8 @@ __all__ = [
     "spectral_abscissa",
     "spectral_approximation",
     "stability",
-    "steady_response",
     "stability_map",
     "stability_margins",
+    "steady_response",
     "sweep_delays",
 ]

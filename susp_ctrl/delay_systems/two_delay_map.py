@@ -258,7 +258,7 @@ class _Problem:
 
     def _lines(self, axis: Axis) -> Segments:
         """Straight lines across the plane where only one of the two delays is in a loop."""
-        from susp_ctrl.delay_systems.sweep import sweep_delays
+        from susp_ctrl.delay_systems.frequency_sweep import sweep_delays
 
         number = self.numbers[axis.channel]
         start, direction = self.system.delays.copy(), np.zeros(self.system.delays.size)

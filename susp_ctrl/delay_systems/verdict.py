@@ -4,7 +4,7 @@ r"""The stability verdict: three methods, one answer, or none.
 * *argument principle*: the phase of the characteristic determinant along the imaginary axis counts them without
   computing any (`susp_ctrl.delay_systems.argument_principle`);
 * *sweep*: starting from the loop without delay, all delays grow in proportion to their full size and every
-  crossing of the imaginary axis is followed (`susp_ctrl.delay_systems.sweep`).
+  crossing of the imaginary axis is followed (`susp_ctrl.delay_systems.frequency_sweep`).
 
 A loop is called stable or unstable only if the methods agree. Otherwise the orders are raised, and if the methods
 still differ, or a root lies on the axis as far as rounding lets one tell, the verdict is undecided and says why.
@@ -23,9 +23,9 @@ import numpy as np
 from susp_ctrl.delay_systems.argument_principle import ContourError, count_right_of
 from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.frequency_sweep import sweep_delays
 from susp_ctrl.delay_systems.lft import ComplexArray
 from susp_ctrl.delay_systems.roots import RootSet, rightmost_roots
-from susp_ctrl.delay_systems.sweep import sweep_delays
 from susp_ctrl.errors import UndecidedStabilityWarning
 
 ROOTS, ARGUMENT, SWEEP = "roots", "argument principle", "sweep"

@@ -18,8 +18,9 @@ import susp_ctrl as sc
 
 # A root nearer than this to the axis, relative to the matrices, excuses a method that cannot tell.
 NEAR = 1e-8
-# Chords of the map's curves are this near to them, relative to the rectangle, with room to spare.
-BESIDE_A_CURVE = 3e-4
+# Off a curve of the map by this share of the rectangle a number has to be right: curves of channels of one signal
+# are closed form, those of delays shared by several signals are traced on a grid.
+OFF_CURVES, OFF_TRACED_CURVES = 1e-3, 2e-2
 
 
 def system_of(A, delays):
@@ -95,17 +96,22 @@ def check_sweep(A, delays, count, seed):
 
 
 def check_map(A, delays, count, seed):
-    """Over both delays up to 1.5 of their size: the numbers at the delays and at five other points off the curves."""
+    """Over both delays up to 1.5 of their size: the numbers at the delays and five other points off the curves."""
     loop = system_of(A, delays)
     found = sc.stability_map(loop, tau1=(0.0, 1.5 * delays[0]), tau2=(0.0, 1.5 * delays[1]))
     if not found.decided:
         return
-    others = np.random.default_rng([seed, 3]).uniform(0.0, 1.5, (5, 2)) * delays
-    for point in (delays, *others):
-        if found.distance(*point) < BESIDE_A_CURVE * 1.5 * max(delays):
+    size = 1.5 * delays
+    traced = any(np.linalg.matrix_rank(a) > 1 for a in A[1:])
+    near = (OFF_TRACED_CURVES if traced else OFF_CURVES) * np.array(
+        [[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]
+    )
+    for point in (delays, *np.random.default_rng([seed, 3]).uniform(0.0, 1.0, (5, 2)) * size):
+        around = found.unstable_roots(*np.clip(point + near * size, 0.0, size).T)
+        if np.ptp(around):
             continue
         here = count if point is delays else sc.count_unstable_roots(loop.with_delays(point))
-        assert here is None or found.unstable_roots(*point) == here, (point, found)
+        assert here is None or around[0] == here, (point, found)
 
 
 @pytest.mark.property
@@ -131,6 +137,8 @@ def check_motion(seed):
     rightmost = roots[0]
     others = roots[2 if rightmost.imag else 1 :]
     gap = rightmost.real - others[0].real
+    if gap <= 1e-6 * abs(rightmost):
+        return False  # a multiple root
     wait = np.log(1e7) / gap
     if wait > 40.0 * max(delays) or rightmost.real * wait < -12.0:
         return False  # the next root dies away too late, or everything has died away by then

@@ -323,7 +323,7 @@ def test_strong_half_car_loops_agree_with_counts(g1, g2, line):
 @pytest.mark.property
 def test_ways_of_finding_agree():
     """Exact pencil, search over one turn, and search over the delay give the same crossings."""
-    from susp_ctrl.delay_systems.sweep import _Sweep
+    from susp_ctrl.delay_systems.frequency_sweep import _Sweep
 
     for name, end in (
         ("ctcr_olgac_sipahi", 1.0),
