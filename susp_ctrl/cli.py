@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from susp_ctrl.study import Study
-    from susp_ctrl.study.result import StudyRun
+    from susp_ctrl.study.result import StudyRun, TimeCase
 
 WRITE_FAILED, BAD_INPUT, UNDECIDED, INTERRUPTED = 1, 2, 3, 130
 
@@ -115,6 +115,19 @@ def list_studies(
             print(f"{path!s:<{width}}  {title}")
 
 
+@app.command(epilog="Example: susp-ctrl new studies/my_car")
+def new(
+    name: Annotated[
+        Path, typer.Argument(metavar="NAME", help="Name of the new study file.", show_default=False)
+    ],
+) -> None:
+    """Write a commented template of a study file, to be edited."""
+    with _one_line_errors():
+        from susp_ctrl.study.template import new_study
+
+        print(new_study(name))
+
+
 @app.command(epilog="Example: susp-ctrl check studies/wu_ren_2020.toml")
 def check(study: StudyFile) -> None:
     """Check a study file without running it."""
@@ -157,6 +170,16 @@ def sweep_delays(study: StudyFile, changes: Changes = None, as_json: AsJson = Fa
     }
     _print(tables, as_json)
     _leave(data)
+
+
+@app.command(epilog="Example: susp-ctrl simulate studies/wu_ren_2020.toml --set 'time[random].road.seed=2'")
+def simulate(study: StudyFile, changes: Changes = None, as_json: AsJson = False) -> None:
+    """Simulate every design of a study on its roads: RMS values with exact delays, with Padé, and stationary.
+
+    Designs that a search would find are left out: run the whole study for them.
+    """
+    data = _compute(study, changes, "time")
+    _print({case.key if as_json else case.road_text: _rms(case, as_json) for case in data.time}, as_json)
 
 
 @app.command("compare-pade", epilog="Example: susp-ctrl compare-pade studies/wu_ren_2020.toml --json")
@@ -248,6 +271,16 @@ def _load(path: Path, changes: list[str] | None) -> Study:
             values[key.strip()] = text.strip()  # a bare word is a string
     study = sc.load_study(path)
     return study.with_changes(values) if values else study
+
+
+def _rms(case: TimeCase, as_records: bool) -> pd.DataFrame:
+    """RMS values as they are, or with the designs side by side and a gap where there is no value."""
+    if as_records:
+        return case.rms
+    index = ["indicator", "unit", "method"]
+    active_first = case.rms.sort_values("role", key=lambda role: role == "passive", kind="stable")
+    wide = active_first.pivot_table("value", index, "design", sort=False)[list(case.designs)]
+    return wide.map("{:.6g}".format).replace("nan", "").reset_index()
 
 
 def _compute(path: Path, changes: list[str] | None, section: str) -> StudyRun:

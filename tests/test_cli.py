@@ -49,7 +49,17 @@ def assert_one_line(result: Result, *parts: str) -> None:
 def test_help_names_every_command_and_every_command_has_help_with_an_example() -> None:
     overview = call("--help")
     assert overview.exit_code == 0
-    for command in ("run", "list", "check", "stability", "sweep-delays", "compare-pade", "tune"):
+    for command in (
+        "run",
+        "list",
+        "new",
+        "check",
+        "stability",
+        "sweep-delays",
+        "simulate",
+        "compare-pade",
+        "tune",
+    ):
         assert command in overview.output
         detail = call(command, "--help")
         assert detail.exit_code == 0
@@ -71,7 +81,9 @@ def test_list_shows_titles_and_refuses_an_empty_folder(tmp_path: Path) -> None:
     assert_one_line(call("list", tmp_path / "nowhere"), "no such folder")
 
 
-@pytest.mark.parametrize("command", ["run", "check", "stability", "sweep-delays", "compare-pade", "tune"])
+@pytest.mark.parametrize(
+    "command", ["run", "check", "stability", "sweep-delays", "simulate", "compare-pade", "tune"]
+)
 def test_a_missing_file_is_one_line(command: str, tmp_path: Path) -> None:
     assert_one_line(call(command, tmp_path / "nothing.toml"), "nothing.toml")
 
@@ -126,6 +138,39 @@ def test_a_command_whose_section_the_study_lacks_says_so(tmp_path: Path) -> None
     path = tmp_path / "short.toml"
     path.write_text(text[: text.index("[frequency]")], encoding="utf-8")
     assert_one_line(call("tune", path), "short.toml", "[tuning]")
+
+
+def test_simulate_gives_the_rms_of_exact_delays_and_pade_side_by_side() -> None:
+    """The passive car on the harmonic road: PAPER's steady state at 7 rad/s is 3.6408 m/s2."""
+    short = ("--set", "time[harmonic].duration_s=40", "--set", "time[harmonic].skip_s=30")
+    short += ("--set", "time[random].duration_s=1", "--set", "time[random].lead_in_s=0")
+    result = call("simulate", STUDY, "--json", *short)
+    assert result.exit_code == 0, result.output
+    tables = json.loads(result.stdout)
+    assert list(tables) == ["harmonic", "random"]
+    rows = {(row["indicator"], row["design"], row["method"]): row["value"] for row in tables["harmonic"]}
+    assert rows["body_acceleration", "passive", "stationary"] == pytest.approx(3.6408, abs=5e-5)
+    assert rows["body_acceleration", "passive", "exact"] == pytest.approx(3.6408, rel=0.02)
+    exact = rows["body_acceleration", "harmonic_published", "exact"]
+    assert rows["body_acceleration", "harmonic_published", "pade"] == pytest.approx(exact, rel=1e-3)
+    text = call("simulate", STUDY, *short).stdout
+    assert "harmonic road x_g = 0.05 m" in text
+    assert "nan" not in text.lower()
+
+
+def test_new_writes_a_valid_study_once(tmp_path: Path) -> None:
+    result = call("new", tmp_path / "my_car")
+    assert result.exit_code == 0, result.output
+    path = tmp_path / "my_car.toml"
+    assert result.stdout.strip() == str(path)
+    study = sc.load_study(path)
+    assert study.name == "my_car"
+    before = path.read_bytes()
+    for again in (tmp_path / "my_car", path):
+        assert_one_line(call("new", again), "my_car.toml", "is there already")
+    assert path.read_bytes() == before
+    assert_one_line(call("new", tmp_path / "no" / "car"), "no folder")
+    assert_one_line(call("new", tmp_path / "my car"), "my car", "letters")
 
 
 def test_a_run_that_fails_leaves_no_report_and_keeps_the_old_one(tmp_path: Path, monkeypatch) -> None:
