@@ -67,7 +67,8 @@ def evaluate_on_cluster(
             under_way[future.key] = task
             return future
 
-        finished = as_completed(submit(task) for task in islice(supply, _AHEAD * threads))
+        first = [submit(task) for task in islice(supply, _AHEAD * threads)]
+        finished = as_completed(first, loop=client.loop)
         for future in finished:
             task = under_way.pop(future.key)
             given_up = future.exception()

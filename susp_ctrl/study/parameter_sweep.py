@@ -22,6 +22,7 @@ from susp_ctrl.study.sweep_result import SweepResult
 from susp_ctrl.study.sweep_schema import SweepSettings, check_sweep, indicator_limits
 from susp_ctrl.study.sweep_summary import within_limits
 from susp_ctrl.study.variants import Question, Row, answer, check_influence, failed_rows, lean_study
+from susp_ctrl.study.variation import Tolerance
 from susp_ctrl.study.vehicle_schema import PASSIVE
 from susp_ctrl.study.worker_pool import evaluate_in_processes, usable_processors
 
@@ -237,6 +238,7 @@ def _result(
         units=question.unit,
         outputs=question.outputs,
         random=drawn.random,
+        relative=tuple(one.name for one in drawn.factors if isinstance(one.spread, Tolerance)),
         folder=folder,
     )
 

@@ -92,7 +92,9 @@ class Study:
         for name, entry in _STEP.findall(path):
             here = here.get(name) if isinstance(here, Mapping) else None
             if entry and here is not None:
-                here = next((e for i, e in enumerate(here, 1) if e.get("key") == entry or entry == str(i)), None)
+                here = next(
+                    (e for i, e in enumerate(here, 1) if e.get("key") == entry or entry == str(i)), None
+                )
         section, _, key = path.partition(".")
         if here is None and section == "vehicle":
             names = {f"{f.name}_{parameter_unit(f.name)}": f.name for f in fields(self.vehicle)}

@@ -56,6 +56,12 @@ class SweepResult:
         By column.
     units : mapping of str to str
         By column.
+    outputs : tuple of str
+        Columns that are RMS values.
+    random : bool
+        Whether the variants are samples, or else a full grid.
+    relative : tuple of str
+        Factors whose coordinates are relative changes.
     folder : Path or None
         Where the journal is.
     """
@@ -69,6 +75,7 @@ class SweepResult:
     units: Mapping[str, str]
     outputs: tuple[str, ...]
     random: bool
+    relative: tuple[str, ...] = ()
     folder: Path | None = field(default=None)
 
     @property
@@ -136,7 +143,14 @@ class SweepResult:
         others = [name for name in ranked if name != first]
         second = validation.one_of("y", y if y is not None else others[0], [n for n in names if n != first])
         return heat_map(
-            self.table, self.coordinates, chosen, indicator, first, second, self.units.get(indicator, "")
+            self.table,
+            self.coordinates,
+            chosen,
+            indicator,
+            first,
+            second,
+            unit=self.units.get(indicator, ""),
+            relative=self.relative,
         )
 
     def plot(

@@ -18,7 +18,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -36,7 +36,8 @@ FloatArray = NDArray[np.float64]
 
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 _GROUPS = 10
-_LEAST_PER_GROUP = 3
+_LEAST_PER_GROUP = 8  # means of fewer are mostly chance
+_LEAST_PER_CELL = 3
 _WILSON = 1.959963984540054  # 95 %
 
 
@@ -193,7 +194,7 @@ def sensitivity_table(
     factors = {name: _numbers(coordinates[name]) for name in coordinates}
     # in a grid every level is a group
     most = _GROUPS if random else len(coordinates)
-    groups = {name: _groups(coordinates[name], most)[0] for name in coordinates}
+    groups = {name: _groups(coordinates[name], most, _LEAST_PER_GROUP)[0] for name in coordinates}
     for design, part in table.groupby("design", sort=False):
         places = part["variant"].to_numpy(dtype=int) - 1
         for indicator in indicators:
@@ -225,16 +226,24 @@ def sensitivity_table(
 
 
 def heat_map(
-    table: pd.DataFrame, coordinates: pd.DataFrame, design: str, indicator: str, x: str, y: str, unit: str
+    table: pd.DataFrame,
+    coordinates: pd.DataFrame,
+    design: str,
+    indicator: str,
+    x: str,
+    y: str,
+    *,
+    unit: str = "",
+    relative: Collection[str] = (),
 ) -> HeatMap:
-    """Return the mean of an indicator over two factors."""
+    """Return the mean of an indicator over two factors; those in `relative` are relative changes."""
     part = table[table["design"] == design]
     places = part["variant"].to_numpy(dtype=int) - 1
     values = part[indicator].to_numpy(dtype=float)
     valid = np.isfinite(values)
-    cells = max(2, min(_GROUPS, int(np.sqrt(len(part) / _LEAST_PER_GROUP))))
-    columns, x_groups = _groups(coordinates[x], cells)
-    rows, y_groups = _groups(coordinates[y], cells)
+    cells = max(2, min(_GROUPS, int(np.sqrt(len(part) / _LEAST_PER_CELL))))
+    columns, x_groups = _groups(coordinates[x], cells, percent=x in relative)
+    rows, y_groups = _groups(coordinates[y], cells, percent=y in relative)
     shape = (len(y_groups), len(x_groups))
     sums, counts = np.zeros(shape), np.zeros(shape, dtype=np.int64)
     at = (rows[places][valid], columns[places][valid])
@@ -251,7 +260,9 @@ def _numbers(column: pd.Series) -> FloatArray | None:
     return column.to_numpy(dtype=float)
 
 
-def _groups(column: pd.Series, most: int) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def _groups(
+    column: pd.Series, most: int, least: int = 1, *, percent: bool = False
+) -> tuple[NDArray[np.int64], tuple[str, ...]]:
     """Sort the values of a factor into groups: its levels, or slices of equally many values."""
     levels = list(dict.fromkeys(column))
     numbers = _numbers(column)
@@ -259,13 +270,17 @@ def _groups(column: pd.Series, most: int) -> tuple[NDArray[np.int64], tuple[str,
         levels = sorted(levels, key=str)
         names = tuple(str(level) for level in levels)
         return np.array([levels.index(value) for value in column], dtype=np.int64), names
+
+    def written(value: float) -> str:
+        return f"{100.0 * value:+.3g} %" if percent else f"{value:.4g}"
+
     ordered = np.unique(numbers)
     if ordered.size <= most:
-        return np.searchsorted(ordered, numbers).astype(np.int64), tuple(f"{value:.4g}" for value in ordered)
-    number = max(2, min(most, numbers.size // _LEAST_PER_GROUP))
+        return np.searchsorted(ordered, numbers).astype(np.int64), tuple(map(written, ordered))
+    number = max(2, min(most, numbers.size // least))
     edges = np.unique(np.quantile(numbers, np.linspace(0.0, 1.0, number + 1)))
     inside = np.searchsorted(edges[1:-1], numbers, side="right").astype(np.int64)
-    return inside, tuple(f"{a:.3g} to {b:.3g}" for a, b in pairwise(edges))
+    return inside, tuple(f"{written(a)} to {written(b)}" for a, b in pairwise(edges))
 
 
 def _share(y: FloatArray, group: NDArray[np.int64], random: bool) -> tuple[float, float]:
