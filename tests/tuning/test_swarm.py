@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -264,15 +262,3 @@ def test_bad_input_is_named(arguments, part):
 def test_objective_of_wrong_shape_is_named():
     with pytest.raises(InputError, match="objective returned"):
         pso(lambda p: p, [0, 0], [1, 1])
-
-
-@pytest.mark.slow
-def test_overhead_per_iteration():
-    """Under 0.1 ms of processor time per iteration at 60 x 4, the best of several runs."""
-    values = np.zeros(60)
-    times = []
-    for _ in range(20):
-        start = time.process_time()
-        pso(lambda p: values, *BOX)
-        times.append((time.process_time() - start) / 200)
-    assert min(times) < 1e-4
