@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -43,6 +43,7 @@ Changes = Annotated[
         "--set", metavar="KEY=VALUE", help="Change a key of the study, as in vehicle.body_mass_kg=700."
     ),
 ]
+Html = Annotated[bool, typer.Option("--html", help="Also write report.html, one page to open offline.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 Progress = Callable[[str, float], None]
 
@@ -69,8 +70,9 @@ def run(
         Path | None,
         typer.Option(help="Folder of the report. [default: out/NAME-OF-THE-STUDY]", show_default=False),
     ] = None,
-    html: Annotated[
-        bool, typer.Option("--html", help="Also write report.html, one page to open offline.")
+    html: Html = False,
+    keep_results: Annotated[
+        bool, typer.Option("--keep-results", help="Also store all numbers, for the command report.")
     ] = False,
     changes: Changes = None,
 ) -> None:
@@ -84,13 +86,32 @@ def run(
         with _progress() as progress:
             result = sc.run_study(settings, progress=progress)
         with _progress() as progress:
-            written = result.save(target, progress=progress, html=html)
-        for path in written:
-            print(path)
-        print()
-        for line in result.summary:
-            print(line)
+            written = result.save(target, progress=progress, html=html, keep_results=keep_results)
+        _tell(written, result.summary)
         _leave(result.data)
+
+
+@app.command(epilog="Example: susp-ctrl report out/wu_ren_2020 --html")
+def report(
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of a report with stored results.", show_default=False)
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Another folder for the report. [default: the same]", show_default=False),
+    ] = None,
+    html: Html = False,
+) -> None:
+    """Write a report again from the results that `run --keep-results` stored, without computing."""
+    with _one_line_errors():
+        from susp_ctrl.report import StudyResult, check_folder
+        from susp_ctrl.study.storage import read_run
+
+        result = StudyResult(read_run(folder))
+        target = check_folder(folder if out is None else out)
+        with _progress() as progress:
+            written = result.save(target, progress=progress, html=html, keep_results=True)
+        _tell(written, result.summary)
 
 
 @app.command("list", epilog="Example: susp-ctrl list studies")
@@ -293,6 +314,11 @@ def _compute(path: Path, changes: list[str] | None, section: str) -> StudyRun:
         if not getattr(data, section):
             raise InputError(f"{path}: the study has no section [{section}]")
         return data
+
+
+def _tell(written: Iterable[Path], summary: Iterable[str]) -> None:
+    for line in (*written, "", *summary):
+        print(line)
 
 
 def _leave(data: StudyRun) -> None:

@@ -173,6 +173,32 @@ def test_new_writes_a_valid_study_once(tmp_path: Path) -> None:
     assert_one_line(call("new", tmp_path / "my car"), "my car", "letters")
 
 
+def test_report_is_written_again_from_stored_results_without_computing(tmp_path: Path, monkeypatch) -> None:
+    study, first, again = tmp_path / "small.toml", tmp_path / "first", tmp_path / "again"
+    text = (STUDY.parent / "quarter_car_bump.toml").read_text(encoding="utf-8")
+    short = text[: text.index("[frequency]")] + text[text.index("[stability]") : text.index("[pade]")]
+    study.write_text(short.replace("duration_s = 4.0", "duration_s = 1.0"), encoding="utf-8")
+    assert_one_line(call("report", tmp_path), "no stored results", "results.npz")
+    assert call("run", study, "--out", first, "--keep-results").exit_code == 0
+    import susp_ctrl.study
+
+    def computed(*_: object, **__: object) -> None:
+        raise AssertionError("the report computed the study again")
+
+    monkeypatch.setattr(susp_ctrl.study, "compute_study", computed)
+    result = call("report", first, "--out", again)
+    assert result.exit_code == 0, result.output
+    tables = sorted(path.name for path in (first / "tables").iterdir())
+    assert tables == sorted(path.name for path in (again / "tables").iterdir())
+    assert len(tables) > 5
+    for name in tables:
+        assert (first / "tables" / name).read_bytes() == (again / "tables" / name).read_bytes(), name
+    figures = sorted((again / "figures").glob("*.png"))
+    assert figures
+    for path in figures:
+        assert path.read_bytes() == (first / "figures" / path.name).read_bytes()
+
+
 def test_a_run_that_fails_leaves_no_report_and_keeps_the_old_one(tmp_path: Path, monkeypatch) -> None:
     target = tmp_path / "report"
     target.mkdir()

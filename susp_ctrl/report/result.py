@@ -107,6 +107,7 @@ class StudyResult:
         progress: Progress | None = None,
         history_digits: int = 5,
         html: bool = False,
+        keep_results: bool = False,
     ) -> list[Path]:
         """Write the report: ``report.pdf``, ``tables/*.csv``, ``figures/*.png`` and ``*.pdf``, ``manifest.json``.
 
@@ -123,6 +124,8 @@ class StudyResult:
             tables are written in full precision.
         html
             Also write ``report.html``: the same content as one page that opens offline, with plots to zoom.
+        keep_results
+            Also write ``results.npz``: every number of the run, from which the report can be written again.
 
         Returns
         -------
@@ -136,6 +139,8 @@ class StudyResult:
         SaveError
             The file system refuses (read-only, disk full); nothing was changed.
         """
+        from susp_ctrl.study.storage import RESULTS, write_run
+
         report = progress or (lambda stage, fraction: None)
         target = Path(folder)
         with replacing(target) as partial:
@@ -147,6 +152,8 @@ class StudyResult:
             if html:
                 report("writing the page", 0.95)
                 write_page(partial, self.data, self.sections)
+            if keep_results:
+                write_run(self.data, partial / RESULTS)
             write_manifest(partial, self._about())
             written = sorted(path.relative_to(partial) for path in partial.rglob("*") if path.is_file())
         report("done", 1.0)
