@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 import zipfile
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -28,9 +30,16 @@ from susp_ctrl.study.study_file import Study
 RESULTS = "results.npz"
 """Name of the file in the folder of a report."""
 
-_CLASSES = {
-    name: kind for name, kind in vars(result).items() if isinstance(kind, type) and is_dataclass(kind)
-} | {"FeedbackChannel": FeedbackChannel}
+
+def _data_classes(module: ModuleType) -> dict[str, type]:
+    return {n: kind for n, kind in vars(module).items() if isinstance(kind, type) and is_dataclass(kind)}
+
+
+# All data classes of the modules that the parts of a run come from: a new part needs no entry here.
+_MODULES = {sys.modules[kind.__module__] for kind in _data_classes(result).values()}
+_CLASSES = {"FeedbackChannel": FeedbackChannel} | {
+    name: kind for module in _MODULES for name, kind in _data_classes(module).items()
+}
 _KIND = "is"  # the key that tells what a JSON object stands for
 
 
