@@ -37,7 +37,7 @@ def _data_classes(module: ModuleType) -> dict[str, type]:
 
 # All data classes of the modules that the parts of a run come from: a new part needs no entry here.
 _MODULES = {sys.modules[kind.__module__] for kind in _data_classes(result).values()}
-_CLASSES = {"FeedbackChannel": FeedbackChannel} | {
+_CLASSES: dict[str, Any] = {"FeedbackChannel": FeedbackChannel} | {
     name: kind for module in _MODULES for name, kind in _data_classes(module).items()
 }
 _KIND = "is"  # the key that tells what a JSON object stands for
@@ -139,7 +139,7 @@ def _encoded(value: Any, arrays: dict[str, np.ndarray]) -> Any:
         return {_KIND: "Study", "value": {name: _encoded(part, arrays) for name, part in parts.items()}}
     name = type(value).__name__
     if _CLASSES.get(name) is type(value):
-        parts = {f.name: getattr(value, f.name) for f in fields(value)}
+        parts = {f.name: getattr(value, f.name) for f in fields(_CLASSES[name])}
         return {_KIND: name, "value": {name: _encoded(part, arrays) for name, part in parts.items()}}
     raise TypeError(f"a {name} cannot be stored")
 
