@@ -5,7 +5,10 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import signal
+import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -171,3 +174,25 @@ def test_a_mistake_on_the_command_line_is_one_line(arguments, part, tmp_path):
     assert len(done.stderr.strip().splitlines()) == 1
     assert part in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.end_to_end
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no POSIX signals")
+def test_an_interrupt_keeps_what_is_finished_and_says_so(tmp_path):
+    arguments = ["sweep", str(STUDY), "--workers", "1", "--out", str(tmp_path)]
+    process = subprocess.Popen(
+        [sys.executable, "-c", "from susp_ctrl.cli import main; main()", *arguments],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    journal, end = tmp_path / "journal.jsonl", time.monotonic() + 90.0
+    while not journal.exists() or journal.read_bytes().count(b"\n") < 10:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert said == f"susp-ctrl: interrupted; finished variants are kept in {tmp_path}\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["journal.jsonl"]
