@@ -14,7 +14,7 @@ from susp_ctrl.plotting.histories import draw_history, draw_road
 from susp_ctrl.plotting.roots import draw_root_locus, draw_roots
 from susp_ctrl.plotting.search import draw_convergence, draw_detuning
 from susp_ctrl.plotting.stability import draw_intervals, draw_unit_modulus
-from susp_ctrl.plotting.stability_map import draw_stability_map
+from susp_ctrl.plotting.stability_map import draw_stability_map, map_legend, map_picture
 from susp_ctrl.plotting.style import (
     axes_for,
     curve_style,
@@ -49,6 +49,8 @@ __all__ = [
     "draw_trade_off",
     "draw_unit_modulus",
     "frequency_axis",
+    "map_legend",
+    "map_picture",
     "new_figure",
     "powers_of_ten",
     "save_figure",

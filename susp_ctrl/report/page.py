@@ -6,7 +6,7 @@ The page opens offline; its content security policy forbids any network request.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -14,9 +14,12 @@ from typing import TYPE_CHECKING, assert_never
 
 from susp_ctrl.report.blocks import Block, Box, Equations, Figure, Heading, Section, Table, Text
 from susp_ctrl.report.document import equations_svg, footer, is_shown, opening
+from susp_ctrl.report.explorer import explorer_html, explorer_script
 from susp_ctrl.report.formatting import prose, sentence
+from susp_ctrl.report.sections.maps import figure_key
 
 if TYPE_CHECKING:
+    from susp_ctrl.study.map_result import MapExplorer
     from susp_ctrl.study.result import StudyRun
 
 _TOOLS = (
@@ -24,7 +27,14 @@ _TOOLS = (
 )
 
 
-def write_page(folder: Path, run: StudyRun, sections: Sequence[Section], name: str = "report.html") -> Path:
+def write_page(
+    folder: Path,
+    run: StudyRun,
+    sections: Sequence[Section],
+    name: str = "report.html",
+    *,
+    explorers: Sequence[MapExplorer] = (),
+) -> Path:
     """Write the page into `folder` and return its path.
 
     Parameters
@@ -37,8 +47,11 @@ def write_page(folder: Path, run: StudyRun, sections: Sequence[Section], name: s
         The chapters.
     name
         File name of the page.
+    explorers
+        Maps to click on; each stands below the figure of its map.
     """
     equations = equations_svg()
+    below = {figure_key(explorer.map): explorer_html(explorer) for explorer in explorers}
     parts = {
         "title": escape(run.study.title),
         "opening": "\n".join(
@@ -53,9 +66,10 @@ def write_page(folder: Path, run: StudyRun, sections: Sequence[Section], name: s
             for number, section in enumerate(sections, 1)
         ),
         "sections": "\n".join(
-            _section(number, section, folder, equations) for number, section in enumerate(sections, 1)
+            _section(number, section, folder, equations, below) for number, section in enumerate(sections, 1)
         ),
         "footer": escape(footer(run)),
+        "script": explorer_script() if explorers else "",
     }
     template = files("susp_ctrl.report").joinpath("page.html").read_text(encoding="utf-8")
     page = re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match.group(1)], template)
@@ -87,8 +101,15 @@ def table_html(table: Table) -> str:
     return f"<table><thead>{head}</thead><tbody>{''.join(body)}</tbody></table>"
 
 
-def _section(number: int, section: Section, folder: Path, equations: dict[str, str]) -> str:
-    blocks = [_block(block, folder, equations) for block in section.blocks if is_shown(block)]
+def _section(
+    number: int, section: Section, folder: Path, equations: dict[str, str], below: Mapping[str, str]
+) -> str:
+    blocks = []
+    for block in section.blocks:
+        if is_shown(block):
+            blocks.append(_block(block, folder, equations))
+        if isinstance(block, Figure) and block.key in below:
+            blocks.append(below[block.key])
     return (
         f'<section id="s{number}"><h2>{number} {escape(prose(section.title))}</h2>\n'
         + "\n".join(blocks)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
     from susp_ctrl.study import Study
+    from susp_ctrl.study.map_result import MapExplorer
     from susp_ctrl.study.result import StudyRun
 
 Progress = Callable[[str, float], None]
@@ -79,6 +80,7 @@ class StudyResult:
 
     def __init__(self, data: StudyRun) -> None:
         self.data = data
+        self._computed_explorers: list[MapExplorer] = []
 
     @cached_property
     def sections(self) -> tuple[Section, ...]:
@@ -123,7 +125,8 @@ class StudyResult:
             Significant digits of the time histories, by far the largest files; 17 keeps every bit. All other
             tables are written in full precision.
         html
-            Also write ``report.html``: the same content as one page that opens offline, with plots to zoom.
+            Also write ``report.html``: the same content as one page that opens offline, with plots to zoom, and
+            maps to click on where the study asks for them (some more seconds to compute).
         keep_results
             Also write ``results.npz``: every number of the run, from which the report can be written again.
 
@@ -150,8 +153,9 @@ class StudyResult:
             if write_pdf(partial, payload(self.data, self.sections)) is None:
                 warnings.warn(NO_TYPST, stacklevel=2)
             if html:
-                report("writing the page", 0.95)
-                write_page(partial, self.data, self.sections)
+                explorers = self._explorers(report)
+                report("writing the page", 0.97)
+                write_page(partial, self.data, self.sections, explorers=explorers)
             if keep_results:
                 write_run(self.data, partial / RESULTS)
             write_manifest(partial, self._about())
@@ -166,6 +170,17 @@ class StudyResult:
     @property
     def _figures(self) -> tuple[Figure, ...]:
         return tuple(figure for section in self.sections for figure in section.figures)
+
+    def _explorers(self, report: Progress) -> list[MapExplorer]:
+        """Return the maps to click on; only the page needs them, so only then they are computed."""
+        from susp_ctrl.study.map_explorer import map_explorers
+
+        def told(share: float) -> None:
+            report("points of the stability map", 0.92 + 0.05 * share)
+
+        if not self._computed_explorers:
+            self._computed_explorers = list(map_explorers(self.data, told).values())
+        return self._computed_explorers
 
     def _write_tables(self, folder: Path, history_digits: int) -> None:
         folder.mkdir()

@@ -10,6 +10,7 @@ import control
 from susp_ctrl.delay_systems import FeedbackChannel, close_loop
 from susp_ctrl.errors import InputError
 from susp_ctrl.study.audit_schema import AuditSettings
+from susp_ctrl.study.map_schema import check_maps
 from susp_ctrl.study.schema import StudySettings
 from susp_ctrl.study.settings import SettingError, nearest
 from susp_ctrl.study.sweep_schema import check_sweep
@@ -52,6 +53,9 @@ def check_references(study: StudySettings) -> None:
     if study.stability is not None:
         _among("stability.designs", study.stability.designs, designs)
         _check_channels("stability.box", study.stability.box, outputs, actuators)
+    measured = {entry.key: [c.measured for c in entry.channels] for entry in study.designs}
+    measured |= {search.key: [pair.measured for pair in search.pairs] for search in study.tuning}
+    check_maps(study.stability_maps, measured, outputs)
     for case in study.time:
         _among(f"time[{case.key}].designs", case.designs, designs)
         _among(f"time[{case.key}].outputs", case.outputs, outputs)

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from susp_ctrl.study.map_result import StabilityMapCase
 from susp_ctrl.study.pade_result import PadeCase
 from susp_ctrl.study.stability_result import DelayIndependence, DelayLine, StabilitySection, StabilityWord
 
@@ -299,7 +300,7 @@ class StudyRun:
         Passive first, then published, then tuned.
     signal_units : mapping of str to str
         Unit of every plant signal, such as ``"m/s2"``.
-    frequency, tuning, stability, time, pade, audit
+    frequency, tuning, stability, time, pade, audit, stability_maps
         The sections; None (or an empty tuple) where the study file has none.
     headlines : tuple of str
         The three lines a person most wants to know, as plain sentences.
@@ -322,6 +323,7 @@ class StudyRun:
     audit: AuditSection | None
     headlines: tuple[str, ...]
     pade_verdicts: pd.DataFrame | None = None
+    stability_maps: tuple[StabilityMapCase, ...] = ()
 
     def design(self, key: str) -> Design:
         """Return the design with this key; KeyError if there is none."""
@@ -348,6 +350,7 @@ __all__ = [
     "PadeCase",
     "Provenance",
     "Role",
+    "StabilityMapCase",
     "StabilitySection",
     "StabilityWord",
     "StudyRun",

@@ -15,9 +15,10 @@ from susp_ctrl.ride import signal_unit
 from susp_ctrl.study.audit import Computed, audit_section
 from susp_ctrl.study.frequency_section import frequency_section
 from susp_ctrl.study.headlines import headlines
+from susp_ctrl.study.map_section import stability_maps
 from susp_ctrl.study.pade_section import pade_case
 from susp_ctrl.study.pade_verdicts import pade_verdicts
-from susp_ctrl.study.result import PadeCase, Provenance, StudyRun, VehicleSection
+from susp_ctrl.study.result import PadeCase, Provenance, StabilityMapCase, StudyRun, VehicleSection
 from susp_ctrl.study.stability_section import stability_section
 from susp_ctrl.study.study_file import Study
 from susp_ctrl.study.time_section import time_case
@@ -28,9 +29,17 @@ from susp_ctrl.vehicle import HalfCar
 
 Progress = Callable[[str, float], None]
 
-SECTIONS = ("tuning", "frequency", "stability", "time", "pade", "audit")
+SECTIONS = ("tuning", "frequency", "stability", "stability_maps", "time", "pade", "audit")
 # Rough share of the time of each stage, for the progress display only.
-_WEIGHTS = {"tuning": 2.0, "frequency": 0.5, "stability": 4.0, "time": 4.0, "pade": 4.0, "audit": 0.5}
+_WEIGHTS = {
+    "tuning": 2.0,
+    "frequency": 0.5,
+    "stability": 4.0,
+    "stability_maps": 0.5,
+    "time": 4.0,
+    "pade": 4.0,
+    "audit": 0.5,
+}
 
 
 def compute_study(
@@ -45,8 +54,8 @@ def compute_study(
     progress : callable, optional
         Called as ``progress(stage, fraction)`` with the stage in words and the share of the whole run done, 0 to 1.
     sections : collection of str, optional
-        Restrict the run to some of ``tuning, frequency, stability, time, pade, audit``; all that the study has by
-        default. Without ``tuning`` the tuned designs are left out everywhere.
+        Restrict the run to some of ``tuning, frequency, stability, stability_maps, time, pade, audit``; all that the
+        study has by default. Without ``tuning`` the tuned designs are left out everywhere.
 
     Returns
     -------
@@ -78,6 +87,10 @@ def compute_study(
         )
     if settings.stability is not None and "stability" in wanted:
         stability = stability_section(bench, settings.stability, stages.next("stability", "stability"))
+    maps: list[StabilityMapCase] = []
+    for entry in settings.stability_maps if "stability_maps" in wanted else ():
+        report = stages.next(f"stability map: {entry.key.replace('_', ' ')}", "stability_maps")
+        maps += stability_maps(bench, entry, report)
     time_cases = tuple(
         time_case(bench, case, settings.audit, stages.next(f"simulation: {case.label}", "time"))
         for case in settings.time
@@ -113,6 +126,7 @@ def compute_study(
         audit=audit,
         headlines=headlines(bench, tuning, stability, time_cases, audit, tuple(pade), verdicts),
         pade_verdicts=verdicts,
+        stability_maps=tuple(maps),
     )
 
 
@@ -143,6 +157,7 @@ def _weights(study: Study, wanted: Collection[str]) -> Iterator[float]:
         "tuning": len(settings.tuning),
         "frequency": int(settings.frequency is not None),
         "stability": int(settings.stability is not None),
+        "stability_maps": len(settings.stability_maps),
         "time": len(settings.time),
         "pade": len(settings.pade.cases) if settings.pade is not None else 0,
         "audit": int(settings.audit is not None),

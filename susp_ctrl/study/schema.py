@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from susp_ctrl.study.audit_schema import AuditSettings
+from susp_ctrl.study.map_schema import MapSettings
 from susp_ctrl.study.settings import MISSING, SettingError, Settings, nearest, setting
 from susp_ctrl.study.simulation_schema import (
     ISO_CLASSES,
@@ -138,6 +139,7 @@ class StudySettings(Settings):
     frequency: FrequencySettings | None = setting(None)
     tuning: tuple[TuningSettings, ...] = setting(())
     stability: StabilitySettings | None = setting(None)
+    stability_maps: tuple[MapSettings, ...] = setting(())
     time: tuple[TimeSettings, ...] = setting(())
     pade: PadeSettings | None = setting(None)
     audit: AuditSettings | None = setting(None)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from susp_ctrl.report.blocks import Section
 from susp_ctrl.report.sections.audit import audit_section
 from susp_ctrl.report.sections.frequency import frequency_section
+from susp_ctrl.report.sections.maps import maps_section
 from susp_ctrl.report.sections.pade import pade_section
 from susp_ctrl.report.sections.provenance import provenance_section
 from susp_ctrl.report.sections.stability import stability_section
@@ -27,6 +28,7 @@ def sections_of(run: StudyRun) -> tuple[Section, ...]:
         frequency_section(run),
         tuning_section(run),
         stability_section(run),
+        maps_section(run),
         *time_sections(run),
         pade_section(run),
         provenance_section(run),
