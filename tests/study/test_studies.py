@@ -88,3 +88,54 @@ def test_milling_study_prints(capsys):
     table = module.study(periods=(2.6,), spacings=(1.0, 0.8))
     assert table.shape == (1, 2)
     assert table.loc[2.6, "spacing 0.8"] > table.loc[2.6, "spacing 1"]
+
+
+@pytest.mark.analytical
+def test_neglected_delay_begins_at_the_design_without_delay():
+    """Without delay the roots are those that `control.lqr` promises."""
+    module = script("neglected_delay")
+    plant = module.CAR.plant()
+    gain = module.lqr_gain(plant, 2e5)
+    deflections = plant[module.MEASURED, :]
+    designed = np.linalg.eigvals(plant.A - plant[0, list(module.FORCES)].B @ gain @ deflections.C)
+    roots = sc.characteristic_roots(module.controlled(plant, gain, (0.0, 0.0)), 8)
+    np.testing.assert_allclose(np.sort_complex(roots), np.sort_complex(designed), rtol=1e-9)
+
+
+@pytest.mark.property
+def test_margins_of_a_neglected_delay_are_those_of_the_open_loop():
+    """One actuator delayed, the other closed without delay: a loop with one input, whose margin is a crossover."""
+    module = script("neglected_delay")
+    plant, limits = module.CAR.plant(), module.margins()
+    for name, gain in module.designs().items():
+        closed = module.controlled(plant, gain, (0.0, 0.0))
+        for n, line in ((0, "front alone"), (1, "rear alone")):
+            other = 1 - n
+            inner = closed.with_gains([float(k == other) for k in range(2)])
+            open_loop = -inner[f"command_{module.FORCES[n]}", module.FORCES[n]]
+            margin = sc.stability_margins(open_loop).delay_margin
+            assert limits.loc[name, line] == pytest.approx(margin, rel=1e-6), (name, line)
+
+
+def test_neglected_delay_study_ends_where_its_margin_says(monkeypatch, tmp_path, capsys):
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    module = script("neglected_delay")
+    limits = module.margins()["both actuators"]
+    table = module.study(delays=(0.0, 0.010, 0.030))
+    for row in table.itertuples():
+        assert row.stable == (row.delay_ms / 1e3 < limits[row.design])
+        assert np.isnan(row.body_acceleration) == (not row.stable)
+    rms = table.set_index(["design", "delay_ms"])
+    # what the docstring of the study says
+    assert rms.loc[("LQR, comfort", 0.0), "body_acceleration"] < 0.5
+    assert rms.loc[("LQR, comfort", 30.0), "body_acceleration"] > 1.0
+    assert rms.loc[("LQR, road holding", 0.0), "tire_deflection_front"] < 0.85
+    assert not rms.loc[("LQR, road holding", 30.0), "stable"]
+    assert (rms.loc["skyhook", "body_acceleration"] < 0.95).all()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(module, "study", lambda: table)
+    module.main()
+    assert "delay margins" in capsys.readouterr().out
+    assert (tmp_path / "out" / "neglected_delay.png").stat().st_size > 10_000
