@@ -4,6 +4,22 @@ r"""Time simulation of linear systems with exact delays: arguments, method and r
 
     \dot x = A x + B_1 u + B_2 w, \quad y = C_1 x + D_{11} u + D_{12} w, \quad
     w_k(t) = z_k(t - \tau_k), \quad z = C_2 x + D_{21} u + D_{22} w.
+
+Method of steps [1]_: on a stretch no longer than the shortest delay, w is known from the past, so that what remains is
+an ordinary linear system with known forcing, whose solution over a time h is
+
+.. math:: x(t + h) = e^{A h} x(t) + \int_0^h e^{A (h - \theta)} (B_1 u + B_2 w)(t + \theta) \, d\theta .
+
+Where u or the history has a kink or a jump, so has the response, and it comes back after each delay, one derivative
+smoother each time (a retarded system smooths). Between these breakpoints everything is smooth and polynomials converge
+faster than any power of their degree [2]_: the integral is taken exactly for polynomial forcing. Two methods do this
+independently: ``"exact"`` on cells of one length (`susp_ctrl.delay_systems.method_of_steps`) and ``"reference"`` by
+collocation between all breakpoints (`susp_ctrl.delay_systems.reference_method`).
+
+References
+----------
+.. [1] A. Bellen, M. Zennaro, "Numerical Methods for Delay Differential Equations", Oxford, 2003, chapter 3.
+.. [2] L. N. Trefethen, "Approximation Theory and Approximation Practice", SIAM, 2013, chapters 7 and 8.
 """
 
 from __future__ import annotations
