@@ -20,6 +20,7 @@ References
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray
 # Below this (relative) Jacobian a crossing counts as degenerate: it is refined as such and its degree measured.
 _DEGENERATE = 1e-5
 _RESIDUAL = 1e-12
+_EPSILON = float(np.finfo(float).eps)
 
 
 class Zeros(NamedTuple):
@@ -55,11 +57,14 @@ def unit_chain(loop: LoopMatrices, multiples: FloatArray) -> LoopMatrices:
     return LoopMatrices(loop.A, B, C, D)
 
 
-def crossing_frequencies(chain: LoopMatrices) -> FloatArray:
-    """Return candidates ``omega > 0`` where an eigenvalue of ``M(jw)`` may have modulus one; none is missed."""
+def crossing_frequencies(chain: LoopMatrices) -> tuple[FloatArray, float]:
+    """Return candidates ``omega > 0`` where an eigenvalue of ``M(jw)`` may have modulus one.
+
+    None is missed above the second number returned: below it eigenvalues cannot be told from zero.
+    """
     n, r = chain.n_states, chain.n_channels
     if n == 0 or r == 0:
-        return np.zeros(0)
+        return np.zeros(0), 0.0
     one, size = np.eye(r), r * r
     forward = [np.kron(m, one) for m in (chain.A, chain.B, chain.C, chain.D)]
     mirrored = [np.kron(one, m) for m in (-chain.A, -chain.B, chain.C, chain.D)]
@@ -68,14 +73,44 @@ def crossing_frequencies(chain: LoopMatrices) -> FloatArray:
     around = np.block([[np.eye(size), -forward[3]], [-mirrored[3], np.eye(size)]])
     out = scipy.linalg.block_diag(forward[2], mirrored[2])
     loop = scipy.linalg.block_diag(forward[0], mirrored[0]) + into @ np.linalg.solve(around, out)
-    values = scipy.linalg.eigvals(loop, overwrite_a=True, check_finite=False)
+    values, floor = _graded_eigenvalues(loop)
     # A k-fold root on the axis is split by rounding to the power 1/k: the test is wide, and the polishing that
-    # follows decides.
-    scale = float(np.abs(values).max(initial=0.0))
-    near = (np.abs(values.real) <= 1e-3 * np.maximum(np.abs(values), 1e-2 * scale)) & (
-        values.imag > 1e-10 * scale
-    )
-    return np.unique(values.imag[near])
+    # follows decides. It is relative to the eigenvalue: slow modes beside fast ones are told apart as well.
+    size_of = np.abs(values)
+    width = 1e-3 * np.maximum(size_of, np.minimum(1e-2 * size_of.max(initial=0.0), 10.0 * size_of))
+    near = (np.abs(values.real) <= width) & (values.imag > 0.0)
+    return np.unique(values.imag[near]), floor
+
+
+def _graded_eigenvalues(matrix: FloatArray) -> tuple[ComplexArray, float]:
+    """Return the eigenvalues, small ones beside large ones too, and a size up to which some may be missing.
+
+    The digits of the small ones, which rounding of the large ones takes, are those of the largest eigenvalues of
+    the inverse.
+    """
+    matrix = scipy.linalg.matrix_balance(matrix, permute=False)[0]
+    values = scipy.linalg.eigvals(matrix, check_finite=False)
+    scale = float(np.linalg.norm(matrix))
+    if np.all(np.abs(values) > 1e-6 * scale):
+        return values, 0.0
+    # One that is zero is mostly double, and rounding splits it to the root of its size.
+    lost = np.sqrt(_EPSILON * values.size) * scale
+    try:
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)
+            inverse = scipy.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        return values, lost
+    if not np.linalg.norm(inverse) * scale * values.size * _EPSILON < 1.0:
+        return values, lost
+    mirrored = scipy.linalg.eigvals(inverse, check_finite=False)
+    large = float(np.abs(mirrored).max())
+    # Half way between the smallest and the largest both have the same number of digits.
+    middle = np.sqrt(scale / large)
+    order = np.argsort(np.abs(values))
+    small = int(np.sum(np.abs(values) < middle))
+    chosen = np.argsort(-np.abs(mirrored))[:small]
+    return np.concatenate([1.0 / mirrored[chosen], values[order[small:]]]), 0.0
 
 
 def unit_moduli(chain: LoopMatrices, omega: FloatArray) -> ComplexArray:
@@ -89,17 +124,17 @@ def unit_moduli(chain: LoopMatrices, omega: FloatArray) -> ComplexArray:
         return 1.0 / np.linalg.eigvals(chain.C @ resolvent + chain.D).astype(complex)
 
 
-def chain_zeros(chain: LoopMatrices, loop: LoopMatrices, coordinate: Coordinate) -> Zeros:
-    """Find all zeros (omega, theta) for delays that are multiples of one delay."""
-    candidates = crossing_frequencies(chain)
+def chain_zeros(chain: LoopMatrices, loop: LoopMatrices, coordinate: Coordinate) -> tuple[Zeros, float]:
+    """Find the zeros (omega, theta) for delays that are multiples of one; all above the frequency returned."""
+    candidates, floor = crossing_frequencies(chain)
     if candidates.size == 0:
-        return Zeros(np.zeros(0), np.zeros(0), np.zeros(0, dtype=int))
+        return Zeros(np.zeros(0), np.zeros(0), np.zeros(0, dtype=int)), floor
     # Beside a pole of M the eigenvalues are still finite to the digits that a starting point needs.
     z = unit_moduli(chain, candidates * (1.0 + 1e-12))
     with np.errstate(divide="ignore"):
         row, branch = np.nonzero(np.abs(np.log(np.abs(z))) < 0.5)
     omega, theta = candidates[row], -np.angle(z[row, branch])
-    return polished_zeros(loop, coordinate, omega, theta, turn=2.0 * np.pi)
+    return polished_zeros(loop, coordinate, omega, theta, turn=2.0 * np.pi), floor
 
 
 def polished_zeros(

@@ -37,6 +37,7 @@ from susp_ctrl.delay_systems.argument_principle import count_unstable_roots
 from susp_ctrl.delay_systems.delay_line import LoopMatrices, delay_line
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray, Realization, sample_plant
+from susp_ctrl.delay_systems.rounding import eigenvalues_with_uncertainty
 from susp_ctrl.delay_systems.small_gain import frequency_bound, perron_bound, small_gain_bands
 from susp_ctrl.delay_systems.torus import structured_gain
 from susp_ctrl.errors import UndecidedStabilityWarning
@@ -135,21 +136,18 @@ def delay_independent_stability(sys: Any) -> DelayIndependence:
     loop, number = _free_loop(system)
     owner = np.unique(number, return_inverse=True)[1]
     small, small_omega = supremum(loop, lambda P: perron_bound(np.abs(P)))
-    largest, omega, exact = small, small_omega, True
-    if np.unique(owner).size == 1:
-        largest, omega = supremum(loop, _spectral_radius)
-    elif loop.n_channels == 2:
-        largest, omega = supremum(loop, structured_gain)
-    elif loop.n_channels > 2:
-        exact = False
-    plant_stable = _stable(np.linalg.eigvals(loop.A))
+    largest, omega, exact = small, small_omega, np.unique(owner).size == 1 or loop.n_channels <= 2
+    exact_value = _spectral_radius if np.unique(owner).size == 1 else structured_gain
+    if exact and loop.n_channels:
+        largest, omega = supremum(loop, exact_value)
+    plant_stable = _stable(*eigenvalues_with_uncertainty(loop.A))
     limit = 1.0 / largest if largest else np.inf
 
     def verdict(stable: bool | None, delays: FloatArray | None, message: str) -> DelayIndependence:
         factor, sure = (limit, exact) if plant_stable else (0.0, True)
         return DelayIndependence(stable, factor, omega, small, small_omega, sure, delays, message)
 
-    if not _stable(np.linalg.eigvals(loop.closed(np.ones(loop.n_channels)))):
+    if not _stable(*loop.undelayed_eigenvalues()):
         return verdict(False, np.zeros(n), "it is not stable without delays")
     if loop.n_channels == 0:
         return verdict(True, None, "no delay acts in a loop")
@@ -159,7 +157,7 @@ def delay_independent_stability(sys: Any) -> DelayIndependence:
         if exact and largest < 1.0 - _RESOLUTION:
             return verdict(True, None, "exact test")
         if exact and largest <= 1.0 + _RESOLUTION:
-            if omega == 0.0 and largest <= 1.0 + 1e-13:
+            if omega == 0.0 and largest <= 1.0 + 1e-13 and not _reached_again(loop, exact_value):
                 return verdict(True, None, "exact test; its limit one is reached at zero frequency only")
             return verdict(None, None, "on the limit as far as can be told")
     delays = _destabilising_delays(system, loop, owner)
@@ -216,6 +214,25 @@ def supremum(loop: LoopMatrices, value: Callable[[ComplexArray], FloatArray]) ->
     """
     if loop.n_channels == 0 or loop.n_states == 0:
         return 0.0, float("nan")
+    at = _value_at(loop, value)
+    omega, values = _samples(loop, at)
+    top = float(values.max())
+    if not np.isfinite(top) or top > 1e12:
+        return float("inf"), float(omega[np.argmax(values)])
+    if top == 0.0:
+        return 0.0, 0.0
+    candidates, sizes = _peaks(at, omega, values)
+    best = int(np.argmax(sizes))
+    at_zero = float(at(np.zeros(1))[0])
+    if at_zero >= sizes[best] * (1.0 - 1e-13):
+        return at_zero, 0.0
+    return float(sizes[best]), float(candidates[best])
+
+
+def _value_at(
+    loop: LoopMatrices, value: Callable[[ComplexArray], FloatArray]
+) -> Callable[[FloatArray], FloatArray]:
+    """Return the value of P22(jw) as a function of w; infinite at a pole."""
     plant = _as_plant(loop)
 
     def at(omega: FloatArray) -> FloatArray:
@@ -224,21 +241,29 @@ def supremum(loop: LoopMatrices, value: Callable[[ComplexArray], FloatArray]) ->
             values = value(np.where(np.isfinite(P), P, 1e150))
         return np.where(np.isfinite(values), values, np.inf)
 
+    return at
+
+
+def _samples(loop: LoopMatrices, at: Callable[[FloatArray], FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return frequencies among which no maximum is missed, and the values there."""
     poles = np.linalg.eigvals(loop.A)
-    start = np.concatenate([[0.0], np.abs(poles.imag), np.abs(poles)])
-    first = float(at(start).max())
-    if not np.isfinite(first) or first > 1e12:
-        return float("inf"), float(start[np.argmax(at(start))])
-    if first == 0.0:
-        return 0.0, 0.0
+    start = np.unique(np.concatenate([[0.0], np.abs(poles.imag), np.abs(poles)]))
+    values = at(start)
+    first = float(values.max())
+    if not 0.0 < first <= 1e12:
+        return start, values
     bands = small_gain_bands(loop, margin=1.0 / (0.999 * first))
-    if bands.centre.size == 0:
-        return first, float(start[np.argmax(at(start))])
     order = np.argsort(bands.centre)
     centre, half = bands.centre[order, None], bands.half[order, None]
     omega = np.unique(np.concatenate([(centre + half * np.linspace(-1.0, 1.0, 9)).ravel(), start]))
     omega = omega[omega >= 0.0]
-    values = at(omega)
+    return omega, at(omega)
+
+
+def _peaks(
+    at: Callable[[FloatArray], FloatArray], omega: FloatArray, values: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the local maxima that are within two percent of the largest, refined, and the values there."""
     peak = np.flatnonzero(
         (values >= np.append(-np.inf, values[:-1])) & (values >= np.append(values[1:], -np.inf))
         & (values > 0.98 * values.max())
@@ -246,12 +271,18 @@ def supremum(loop: LoopMatrices, value: Callable[[ComplexArray], FloatArray]) ->
     low, high = omega[np.maximum(peak - 1, 0)], omega[np.minimum(peak + 1, omega.size - 1)]
     found = _golden(at, low, high)
     candidates = np.concatenate([found, omega[peak]])
-    sizes = at(candidates)
-    best = int(np.argmax(sizes))
-    at_zero = float(at(np.zeros(1))[0])
-    if at_zero >= sizes[best] * (1.0 - 1e-13):
-        return at_zero, 0.0
-    return float(sizes[best]), float(candidates[best])
+    return candidates, at(candidates)
+
+
+def _reached_again(loop: LoopMatrices, value: Callable[[ComplexArray], FloatArray]) -> bool:
+    """Tell whether a value that is one at zero frequency comes back to one, as far as can be told, elsewhere."""
+    at = _value_at(loop, value)
+    omega, values = _samples(loop, at)
+    candidates, sizes = _peaks(at, omega, values)
+    tied = candidates[sizes > 1.0 - _RESOLUTION]
+    # A tie that is no part of the maximum at zero has lower values before it.
+    lower = omega[values < 1.0 - 2.0 * _RESOLUTION]
+    return bool(lower.size and np.any(tied > lower.min()))
 
 
 def _golden(at: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
@@ -285,8 +316,8 @@ def _free_loop(system: DelayLTI) -> tuple[LoopMatrices, np.ndarray]:
     return line.matrices, np.rint(line.direction).astype(int) - 1
 
 
-def _stable(poles: np.ndarray) -> bool:
-    return bool(np.all(poles.real < -1e-12 * max(1.0, float(np.abs(poles).max(initial=0.0)))))
+def _stable(poles: np.ndarray, uncertain: FloatArray) -> bool:
+    return bool(np.all(poles.real < -uncertain))
 
 
 def _as_plant(loop: LoopMatrices) -> Realization:

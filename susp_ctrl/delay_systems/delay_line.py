@@ -30,8 +30,13 @@ import scipy.linalg
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.folding import fold
 from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.rounding import distance_to_singular, eigenvalues_with_uncertainty
 
 _LARGEST_MULTIPLE = 12
+# Relative changes of the data that make the characteristic matrix singular: at s = 0, and at a pole on the axis,
+# which is known to some digits less.
+_SINGULAR = 1e-13
+_STAYS = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +61,12 @@ class LoopMatrices:
     def closed(self, E: ComplexArray | FloatArray) -> ComplexArray | FloatArray:
         """Return ``A + B E (I - D E)^-1 C`` for one diagonal `E`."""
         return self.A + (self.B * E) @ np.linalg.solve(np.eye(self.n_channels) - self.D * E, self.C)
+
+    def undelayed_eigenvalues(self) -> tuple[ComplexArray, FloatArray]:
+        """Return the eigenvalues with every channel closed without delay, and how far rounding may move each."""
+        one = np.eye(self.n_channels)
+        terms = np.abs(self.A) + np.abs(self.B) @ np.abs(np.linalg.inv(one - self.D)) @ np.abs(self.C)
+        return eigenvalues_with_uncertainty(np.asarray(self.closed(np.ones(self.n_channels))).real, terms)
 
 
 class Coordinate(Protocol):
@@ -145,13 +156,35 @@ class DelayLine:
         start = np.zeros_like(self.start) if self.offset is not None else self.start
         return AngleCoordinate(start, self.multiples)
 
+    def free_up_to(self, omega: float, *, except_at_zero: bool = False) -> bool:
+        """Whether it is proven that no root is on the axis in ``[0, omega]`` (in ``(0, omega]``) on the whole line.
+
+        The characteristic matrix is regular at s = 0 and changes too little up to `omega`.
+        """
+        if omega == 0.0 or self.matrices.n_states == 0:
+            return True
+        if except_at_zero:
+            return False
+        loop = self.matrices
+        longest = np.maximum(self.start, self.start + self.direction * self.up_to)
+        around = np.abs(np.hstack([loop.C, loop.D]))
+        change = np.zeros((loop.n_states + loop.n_channels,) * 2)
+        change[: loop.n_states, : loop.n_states] = omega * np.eye(loop.n_states)
+        change[loop.n_states :] = omega * longest[:, None] * around
+        W = bordered(loop, self.by_delay(), np.zeros(1), np.zeros(1))[0][0]
+        try:
+            reach = np.abs(np.linalg.inv(W)) @ change
+        except np.linalg.LinAlgError:
+            return False
+        return bool(np.abs(np.linalg.eigvals(reach)).max() < 1.0)
+
     def delays_of_angle(self, omega: float, theta: float) -> FloatArray:
         """Return every tau in [0, up_to] at which ``omega step (tau + offset) = theta mod 2 pi``."""
         if self.step is None:
             raise ValueError("the delays along the line are not commensurate")
         rate, offset = omega * self.step, self.offset or 0.0
         # Rounding must not push a crossing at tau = 0 or at the end out of the range.
-        slack = 1e-9 * (1.0 + rate * (self.up_to + offset))
+        slack = 1e-11 + 1e-13 * rate * (self.up_to + offset)
         first = np.ceil((rate * offset - theta - slack) / (2.0 * np.pi))
         last = np.floor((rate * (offset + self.up_to) - theta + slack) / (2.0 * np.pi))
         turns = np.arange(first, last + 1.0)
@@ -200,18 +233,16 @@ def roots_always_on_axis(line: DelayLine) -> tuple[float, ...]:
     if loop.n_states == 0:
         return ()
     found = []
-    norm = float(np.linalg.norm(loop.A, 2))
-    closed = loop.closed(np.ones(loop.n_channels))
-    values = np.linalg.svd(closed, compute_uv=False)
-    if values[-1] <= 1e-13 * max(values[0], 1e-300):
+    at_zero = np.block([[loop.A, loop.B], [loop.C, loop.D - np.eye(loop.n_channels)]])
+    if distance_to_singular(at_zero) <= _SINGULAR:
         found.append(0.0)
-    poles = np.linalg.eigvals(loop.A)
-    suspects = np.unique(poles.imag[(np.abs(poles.real) <= 1e-9 * norm) & (poles.imag > 1e-9 * norm)])
+    poles, uncertain = eigenvalues_with_uncertainty(loop.A)
+    uncertain = np.maximum(uncertain, 1e-12 * np.abs(poles))
+    suspects = np.unique(poles.imag[(np.abs(poles.real) <= uncertain) & (poles.imag > uncertain)])
     for omega in suspects:
         places = line.up_to * np.array([0.217, 0.513, 0.871])
         W = bordered(loop, line.by_delay(), np.full(3, omega), places)[0]
-        sizes = np.linalg.svd(W, compute_uv=False)
-        if np.all(sizes[:, -1] <= 1e-9 * sizes[:, 0]):
+        if np.all(distance_to_singular(W) <= _STAYS):
             found.append(float(omega))
     return tuple(found)
 

@@ -8,6 +8,15 @@ A root on the axis at :math:`j\omega` for the delays ``start + tau direction`` i
   (`exclusion`);
 * any other line: branch and bound over frequency and tau.
 
+With one delay tau, or equal ones, the characteristic equation is a polynomial in :math:`z = e^{-\tau s}`,
+
+.. math:: \sum_k a_k(s) z^k = 0 .
+
+At :math:`s = j\omega` a root :math:`z = e^{-j\theta}` on the unit circle is a crossing at the frequency
+:math:`\omega`, for every delay :math:`\tau = (\theta + 2\pi r)/\omega`, r = 0, 1, ...; the root pair moves to the right
+or left as the sign of :math:`\mathrm{Re}\,(ds/d\tau)` says, which is that of :math:`d|z|/d\omega` and the same for all
+r [2]_.
+
 The books are closed by counts of unstable roots (argument principle) that know nothing of the crossings: at both
 ends and between, count and sum of tendencies must agree.
 
@@ -150,8 +159,10 @@ class _Sweep:
         """All delays are multiples of one: exact."""
         line = self.line
         assert line.multiples is not None
-        zeros = chain_zeros(unit_chain(line.matrices, line.multiples), line.matrices, line.by_angle())
-        return self._unrolled(zeros, True, True, "exact: matrix pencil")
+        chain = unit_chain(line.matrices, line.multiples)
+        zeros, floor = chain_zeros(chain, line.matrices, line.by_angle())
+        complete = self.line.free_up_to(floor, except_at_zero=0.0 in self.axis_roots)
+        return self._unrolled(zeros, complete, complete and floor == 0.0, "exact: matrix pencil")
 
     def _by_angle(self) -> Crossings:
         """The varying delays are multiples of one, others are fixed: search one turn of the angle."""
@@ -234,26 +245,39 @@ class _Sweep:
         if tau not in self._counts:
             delays = np.maximum(self.start + tau * self.direction, 0.0)
             system = self.system.with_delays(delays)
-            line = 1e-7 * max(1.0, float(np.linalg.norm(self.line.matrices.A, 2))) if self.axis_roots else 0.0
+            line = self._beside_the_axis(delays) if self.axis_roots else 0.0
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UndecidedStabilityWarning)
                 self._counts[tau] = count_roots_right_of(system, line)
         return self._counts[tau]
 
+    def _beside_the_axis(self, delays: FloatArray) -> float:
+        """Return a line that leaves roots on the axis to its left, and as few others as can be."""
+        values, uncertain = self.line.matrices.undelayed_eigenvalues()
+        rates = [*np.abs(values[np.abs(values) > 1e3 * uncertain]), 1.0 / max(float(delays.max()), 1e-300)]
+        return 1e-7 * float(min(rates))
+
     def _count_at_start(self) -> int | None:
         """Count the unstable eigenvalues at tau = 0 if nothing is delayed there and none is on the axis."""
-        loop = self.line.matrices
         if np.any(self.line.start != 0.0) or self.axis_roots:
             return None
-        values = np.linalg.eigvals(loop.closed(np.ones(loop.n_channels)))
-        clear = 1e-7 * max(1e-300, float(np.abs(values).max(initial=0.0)))
-        return int(np.sum(values.real > 0.0)) if np.all(np.abs(values.real) > clear) else None
+        values, uncertain = self.line.matrices.undelayed_eigenvalues()
+        return int(np.sum(values.real > 0.0)) if np.all(np.abs(values.real) > uncertain) else None
+
+    def _rounding(self, found: Crossings) -> FloatArray:
+        """How far rounding may move the tau of each crossing: some digits of its phase, and of tau itself."""
+        fastest = float(np.abs(self.line.direction).max(initial=0.0)) or 1.0
+        before = float(self.line.start.max(initial=0.0)) / fastest
+        with np.errstate(divide="ignore"):
+            turn = np.minimum(1e-11 / (found.omega * fastest), 1e-9 * self.up_to)
+        return turn + 1e-13 * (found.tau + before)
 
     def _close(self, found: Crossings) -> Books:
         """Sum up the tendencies and compare with independent counts at both ends and between."""
         end = self.up_to
-        inside = (found.tau > 1e-9 * end) & (found.tau < end * (1.0 - 1e-9))
-        edges = np.concatenate([[0.0], merged(found.tau[inside], 1e-10 * end), [end]])
+        reach = self._rounding(found)
+        inside = (found.tau > reach) & (found.tau < end - reach)
+        edges = np.concatenate([[0.0], merged(found.tau[inside], reach[inside]), [end]])
         steps = np.zeros(edges.size - 1, dtype=int)
         np.add.at(
             steps, np.argmin(np.abs(found.tau[inside][:, None] - edges[:-1]), axis=1), found.roots[inside]
@@ -262,7 +286,7 @@ class _Sweep:
         counted = {
             tau: count for tau in self._places(found, edges) if (count := self._count(tau)) is not None
         }
-        start = None if np.any(found.tau <= 1e-9 * end) else self._count_at_start()
+        start = None if np.any(found.tau <= reach) else self._count_at_start()
         if start is not None:
             counted[0.0] = start
         if not counted:
@@ -294,9 +318,14 @@ class _Sweep:
                 if self._count(tau) is not None:
                     places.append(tau)
                     break
-        at_end = found.tau >= self.up_to * (1.0 - 1e-9)
-        if self.line.varies and not np.any(at_end):
+        reach = self._rounding(found)
+        if self.line.varies and not np.any(found.tau >= self.up_to - reach):
             places.append(self.up_to)
+        if self.line.varies and self._count_at_start() is None and not np.any(found.tau <= reach):
+            # Next to the start: with it a crossing that was missed leaves two counts that differ.
+            near = 1e-4 * float(edges[1])
+            if self._count(near) is not None:
+                places.append(near)
         if not found.complete:
             # Only the counts speak for completeness here: closer ones catch pairs of crossings as well.
             even = np.linspace(0.0, self.up_to, 4 * _COUNTED_INTERVALS + 1)[1:-1]
@@ -352,8 +381,7 @@ class _Sweep:
             return 0.0
         if not books.closed:
             return float("nan")
-        at_start = np.any(found.tau <= 1e-9 * self.up_to)
-        if books.roots[0] > 0 or at_start:
+        if books.roots[0] > 0 or np.any(found.tau <= self._rounding(found)):
             return 0.0
         if found.tau.size:
             return float(found.tau.min())

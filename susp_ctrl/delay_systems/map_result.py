@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -65,6 +65,10 @@ class StabilityMap:
                 "roots": s.roots,
             }
         )
+
+    def __bool__(self) -> NoReturn:
+        """Refuse: a map is no yes or no."""
+        raise ValueError("a stability map has no truth value: ask for .unstable_roots(x, y) or .decided")
 
     def unstable_roots(self, x: ArrayLike, y: ArrayLike) -> np.ndarray:
         """Return the number of unstable roots at points of the rectangle; arrays broadcast.

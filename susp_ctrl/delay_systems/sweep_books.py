@@ -54,10 +54,11 @@ def nothing_found(method: str, none_ever: bool) -> Crossings:
     return Crossings(empty, empty, whole, whole, True, none_ever, method)
 
 
-def merged(values: FloatArray, tolerance: float) -> FloatArray:
-    """Sort and keep one of each group of equal values."""
-    ordered = np.sort(values)
-    return ordered[np.append(True, np.diff(ordered) > tolerance)] if ordered.size else ordered
+def merged(values: FloatArray, tolerance: FloatArray) -> FloatArray:
+    """Sort and keep one of each group of equal values; each has its own tolerance."""
+    order = np.argsort(values, kind="stable")
+    ordered, reach = values[order], tolerance[order]
+    return ordered[np.append(True, np.diff(ordered) > reach[1:] + reach[:-1])] if ordered.size else ordered
 
 
 def crossing_table(found: Crossings, edges: FloatArray, roots: np.ndarray) -> pd.DataFrame:

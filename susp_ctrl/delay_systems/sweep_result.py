@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -69,6 +69,10 @@ class DelaySweep:
             return []
         rows = self.intervals[self.intervals["unstable_roots"] == 0]
         return [(float(a), float(b)) for a, b in zip(rows["tau_from"], rows["tau_to"], strict=True)]
+
+    def __bool__(self) -> NoReturn:
+        """Refuse: a sweep is no yes or no."""
+        raise ValueError("a delay sweep has no truth value: ask for .stable_intervals or .delay_margin")
 
     def unstable_roots(self, tau: Any) -> np.ndarray:
         """Return the number of unstable roots at tau (any shape); at a crossing that of the interval before."""
