@@ -99,10 +99,11 @@ def check_map(A, delays, count, seed):
     """Over both delays up to 1.5 of their size: the numbers at the delays and five other points off the curves."""
     loop = system_of(A, delays)
     found = sc.stability_map(loop, tau1=(0.0, 1.5 * delays[0]), tau2=(0.0, 1.5 * delays[1]))
+    traced = any(np.linalg.matrix_rank(a) > 1 for a in A[1:])
     if not found.decided:
+        assert traced or count is None, found
         return
     size = 1.5 * delays
-    traced = any(np.linalg.matrix_rank(a) > 1 for a in A[1:])
     near = (OFF_TRACED_CURVES if traced else OFF_CURVES) * np.array(
         [[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]
     )
