@@ -61,7 +61,7 @@ def scaled_channels(channels: Sequence[FeedbackChannel], factor: float) -> list[
 def _case(bench: Workbench, design: Design, settings: MapSettings) -> StabilityMapCase:
     loop = close_loop(bench.plant, scaled_channels(design.channels, settings.gain_factor))
     first, second = settings.free
-    numbers = (settings.channels[0] - 1, settings.channels[1] - 1)
+    numbers = _numbers(settings, len(design.channels))
     with warnings.catch_warnings():
         # The case itself says whether it is confirmed.
         warnings.simplefilter("ignore", UndecidedStabilityWarning)
@@ -97,6 +97,16 @@ def _case(bench: Workbench, design: Design, settings: MapSettings) -> StabilityM
         confirmed=found.decided,
         gain_limits=_gain_limits(found, settings) if found.mixed else None,
     )
+
+
+def _numbers(settings: MapSettings, count: int) -> tuple[int, int]:
+    """Return the positions of the two channels; one that the design lacks, and nothing free needs, is any other."""
+    first, second = (number - 1 for number in settings.channels)
+    if first >= count:
+        first = next((k for k in range(count) if k != second), second)
+    if second >= count:
+        second = next((k for k in range(count) if k != first), first)
+    return first, second
 
 
 def _axis(design: Design, settings: MapSettings, name: str) -> MapAxis:

@@ -1,0 +1,121 @@
+"""Stability maps in the report: what is said, what is drawn, and the data of the map to click on."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from map_case import map_case, map_explorer
+
+from susp_ctrl.report.document import payload, write_pdf
+from susp_ctrl.report.explorer import explorer_data, explorer_html, packed
+from susp_ctrl.report.page import write_page
+from susp_ctrl.report.result import StudyResult
+from susp_ctrl.report.sections.maps import maps_section
+from susp_ctrl.study.result import StudyRun
+
+DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
+
+
+@pytest.fixture(scope="module")
+def mapped(run: StudyRun) -> StudyRun:
+    flat = map_case("first_published", key="flat", crossed=False)
+    maps = (flat, map_case("second_published"), map_case("second_published", key="front", gain=True))
+    return replace(
+        run, stability_maps=maps, frequency=None, tuning=(), stability=None, time=(), pade=(), audit=None
+    )
+
+
+def test_no_section_without_maps(run: StudyRun) -> None:
+    assert maps_section(run) is None
+
+
+def test_maps_without_curves_are_told_and_not_drawn(mapped: StudyRun) -> None:
+    section = maps_section(mapped)
+    assert section is not None
+    assert [f.key for f in section.figures] == [
+        "stability_map_plane_second_published",
+        "stability_map_front_second_published",
+    ]
+    tables = {table.key: table for table in section.tables}
+    assert set(tables) == {"stability_maps", "stability_map_regions", "gain_limits_front_second_published"}
+    rows = [row["cells"] for row in tables["stability_maps"].cells() if "cells" in row]
+    assert rows == [
+        ["published, harmonic", "1", "100", "0", "∞", "3.8012", "✓"],
+        ["published, random, gains × 5.5", "2", "50.0", "0", "0.2100 s", "3.8012", "✓"],
+        ["published, random", "2", "50.0", "0", "21.0 % of the ranges", "3.8012", "✓"],
+    ]
+    groups = [row["group"] for row in tables["stability_maps"].cells() if "group" in row]
+    assert groups[-1] == "Over τ₁ from 0 to 0.4 s, g₁ from 0 to 250 kN/m"
+    assert "at least 125.000 kN/m (with 0.4 s, lost at 65.00 rad/s)" in section.figures[1].caption
+
+
+def test_figures_show_the_ranges_in_displayed_units(mapped: StudyRun) -> None:
+    section = maps_section(mapped)
+    assert section is not None
+    (axes,) = section.figures[1].draw().axes
+    assert axes.get_ylim() == (0.0, 250.0)
+    assert axes.get_ylabel() == "g₁, gain of front force (kN/m)"
+    assert axes.get_xlabel() == "τ₁, delay of front force (s)"
+    texts = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert texts == ["stable", "2 unstable roots", "highest stable gain", "design"]
+
+
+def test_the_document_is_set_with_maps(mapped: StudyRun, tmp_path: Path) -> None:
+    pytest.importorskip("typst")
+    result = StudyResult(mapped)
+    result.save(tmp_path / "report")
+    names = {path.name for path in (tmp_path / "report" / "figures").iterdir()}
+    assert {f"stability_map_plane_second_published.{ending}" for ending in ("png", "pdf")} <= names
+    assert write_pdf(tmp_path / "report", payload(mapped, result.sections)) is not None
+
+
+@pytest.mark.parametrize("scale", [1.0, 3.7e-5, 2.9e9])
+def test_packed_curves_keep_their_values_to_a_fraction_of_the_peak(scale: float) -> None:
+    values = scale * np.sin(np.linspace(0.0, 9.0, 200)) * np.linspace(0.2, 1.0, 200)
+    peak, text = packed(values)
+    pairs = [DIGITS.index(a) * 64 + DIGITS.index(b) for a, b in zip(text[::2], text[1::2], strict=True)]
+    unpacked = (np.array(pairs) / 2047 - 1.0) * peak
+    assert abs(unpacked - values).max() <= 0.51 * peak / 2047
+
+
+def test_curves_that_are_zero_or_no_numbers_can_be_packed() -> None:
+    peak, text = packed(np.zeros(3))
+    assert (peak, len(text)) == (0.0, 6)
+    assert packed(np.array([1.0, np.nan])) == (0.0, "")
+    assert packed(np.array([1.0, np.inf])) == (0.0, "")
+
+
+def test_data_of_the_explorer_are_those_of_the_grid() -> None:
+    explorer = map_explorer(map_case("second_published"))
+    data = explorer_data(explorer)
+    assert data["start"] == [1, 1]  # (0.1, 0.2) is nearest to the design at (0.11, 0.19)
+    assert len(data["points"]) == 25
+    real, imaginary, roots, _, text = data["points"][1 * 5 + 3]
+    assert complex(real, imaginary) == pytest.approx(explorer.roots[1, 3], rel=1e-5)
+    assert (roots, len(text)) == (0, 2 * explorer.timepts.size)
+    assert data["points"][24][3:] == [0.0, ""]
+    json.dumps(data, allow_nan=False)
+
+
+def test_the_explorer_stands_below_its_figure_and_brings_the_script(mapped: StudyRun, tmp_path: Path) -> None:
+    case = mapped.stability_maps[1]
+    sections = StudyResult(mapped).sections
+    text = write_page(tmp_path, mapped, sections, explorers=[map_explorer(case)]).read_text(encoding="utf-8")
+    figure, explorer = (text.index(f'id="{kind}-{name}"') for kind, name in (
+        ("figure", "stability_map_plane_second_published"), ("explorer", "plane_second_published")))  # fmt: skip
+    assert figure < explorer < text.index('id="figure-stability_map_front_second_published"')
+    assert "const DIGITS" in text
+    assert not re.search(r"(?:src|href)=\"https?:", text)
+    assert "const DIGITS" not in write_page(tmp_path, mapped, sections).read_text(encoding="utf-8")
+
+
+def test_texts_cannot_break_out_of_the_explorer() -> None:
+    explorer = replace(map_explorer(map_case("second_published")), road_text="</script><b>", unit="</script>")
+    text = explorer_html(explorer)
+    assert text.count("</script>") == 1
+    assert "&lt;/script&gt;&lt;b&gt;" in text
