@@ -103,16 +103,13 @@ def test_every_trap_has_its_tests(trap):
 
 
 @pytest.mark.analytical
-def test_pade_through_polynomials_is_why_ours_is_a_cascade():
-    """A pure delay of 0.55 s at order 30, a smooth pulse: polynomials fail, the cascade delays it."""
+def test_pade_as_a_cascade_delays_a_pulse_at_high_order():
+    """A pure delay of 0.55 s at order 30: through polynomials the response is wrong with most builds of numpy."""
     t = np.linspace(0.0, 5.0, 2501)
     pulse = np.exp(-((t - 1.5) ** 2) / (2 * 0.2**2))
     expected = np.exp(-((t - 2.05) ** 2) / (2 * 0.2**2))
     ours = ct.forced_response(sc.delay(0.55).pade(30), t, pulse).outputs
     assert np.abs(ours - expected).max() < 1e-4
-    with np.errstate(all="ignore"):
-        theirs = ct.forced_response(ct.ss(ct.tf(*ct.pade(0.55, 30))), t, pulse).outputs
-        assert not np.abs(theirs - expected).max() < 1e-2
 
 
 @pytest.mark.analytical
