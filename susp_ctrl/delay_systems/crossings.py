@@ -262,6 +262,18 @@ def _newton(
     return best[0], best[1], best[2], best[3]
 
 
+def zero_slopes(
+    loop: LoopMatrices, coordinate: Coordinate, omega: FloatArray, y: FloatArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return the derivatives, with respect to omega and y, of the singular value that vanishes at each zero."""
+    if omega.size == 0:
+        return np.zeros(0, dtype=complex), np.zeros(0, dtype=complex)
+    W, W_omega, W_y = bordered(loop, coordinate, omega, y)
+    left, _, right = np.linalg.svd(W)
+    u, v = left[:, :, -1].conj()[:, None, :], right[:, -1, :].conj()[:, :, None]
+    return (u @ W_omega @ v)[:, 0, 0], (u @ W_y @ v)[:, 0, 0]
+
+
 def _norms(matrices: ComplexArray) -> FloatArray:
     return np.linalg.norm(matrices, axis=(1, 2))
 

@@ -11,12 +11,21 @@ from typing import NamedTuple
 import numpy as np
 
 from susp_ctrl.delay_systems.box_test import BoxTest
-from susp_ctrl.delay_systems.crossings import Zeros, polished_zeros
+from susp_ctrl.delay_systems.crossings import Zeros, polished_zeros, zero_slopes
 from susp_ctrl.delay_systems.delay_line import Coordinate, LoopMatrices
 from susp_ctrl.delay_systems.lft import FloatArray
 from susp_ctrl.delay_systems.small_gain import Bands
 
+# Boxes that may be tested in one search, and in all searches of one sweep.
 _BOX_BUDGET = 400_000
+
+
+class Work:
+    """What all searches of one task may still spend, in boxes tested."""
+
+    def __init__(self, boxes: int = _BOX_BUDGET) -> None:
+        self.left = boxes
+        self.spent = False
 
 
 class Search(NamedTuple):
@@ -35,6 +44,7 @@ def search_zeros(
     turn: float | None = None,
     latest: float = np.inf,
     lowest: float = 0.0,
+    work: Work | None = None,
 ) -> Search:
     """Find all zeros ``(omega, y)`` with omega in `bands` and y in `y_range`.
 
@@ -52,7 +62,11 @@ def search_zeros(
         Boxes in which ``y >= omega latest`` throughout are left out (they stand for later delays).
     lowest
         Frequencies below it are left out.
+    work
+        What may be spent, shared with other searches; without it a search has its own limit. When it runs out the
+        zeros found so far are returned, as not complete.
     """
+    work = work or Work()
     test = BoxTest(loop, coordinate)
     y_scale = (y_range[1] - y_range[0]) if turn is None else turn
     parts = 16
@@ -62,7 +76,7 @@ def search_zeros(
     y, g = np.tile(rows, bands.centre.size), np.full(c.size, g0)
     found = Zeros(np.zeros(0), np.zeros(0), np.zeros(0, dtype=int))
     for resolution in (4e-3, 4e-4, 4e-5, 4e-6):
-        boxes, finished = _survivors(test, (c, h, y, g), resolution, latest, lowest)
+        boxes, finished = _survivors(test, (c, h, y, g), resolution, latest, lowest, work)
         c, h, y, g = boxes
         if c.size == 0:
             return Search(found, finished)
@@ -74,7 +88,8 @@ def search_zeros(
             found = Zeros(*(part[inside] for part in found))
         if not finished:
             break
-        unexplained = ~_explained(found, c, h, y, g, turn)
+        slopes = zero_slopes(loop, coordinate, found.omega, found.y)
+        unexplained = ~_explained(found, slopes, c, h, y, g, turn)
         if not np.any(unexplained):
             return Search(found, True)
     return Search(found, False)
@@ -86,24 +101,25 @@ def _survivors(
     resolution: float,
     latest: float,
     lowest: float,
+    work: Work,
 ) -> tuple[tuple[FloatArray, FloatArray, FloatArray, FloatArray], bool]:
     """Subdivide boxes until each is excluded or smaller than `resolution`; False where the budget ran out."""
     c, h, y, g = boxes
     kept: list[tuple[FloatArray, ...]] = []
-    work = 0
     while c.size:
-        work += c.size
         possible = (y - g < (c + h) * latest) & (c + h > lowest)
         c, h, y, g = c[possible], h[possible], y[possible], g[possible]
         if c.size == 0:
             break
+        work.left -= c.size
         open_box, width, wide = test(c, h, y, g)
         c, h, y, g = c[open_box], h[open_box], y[open_box], g[open_box]
         width, wide = width[open_box], wide[open_box]
         fine = width <= resolution
         kept.append((c[fine], h[fine], y[fine], g[fine]))
         c, h, y, g, wide = (part[~fine] for part in (c, h, y, g, wide))
-        if work + 2 * c.size > _BOX_BUDGET:
+        if 2 * c.size > work.left:
+            work.spent = True
             kept.append((c, h, y, g))
             return _joined(kept), False
         sign = np.repeat([-0.5, 0.5], c.size)
@@ -130,13 +146,25 @@ def _spread_out(c: FloatArray, h: FloatArray, y: FloatArray, g: FloatArray) -> n
 
 
 def _explained(
-    zeros: Zeros, c: FloatArray, h: FloatArray, y: FloatArray, g: FloatArray, turn: float | None
+    zeros: Zeros,
+    slopes: tuple[np.ndarray, np.ndarray],
+    c: FloatArray,
+    h: FloatArray,
+    y: FloatArray,
+    g: FloatArray,
+    turn: float | None,
 ) -> np.ndarray:
-    """Tell which boxes lie near a zero that was found."""
+    """Tell which boxes lie near a zero that was found; `slopes` are those of the function there."""
     gap_y = y[:, None] - zeros.y
     if turn is not None:
         gap_y = gap_y - turn * np.round(gap_y / turn)
-    reach = np.hypot((c[:, None] - zeros.omega) / h[:, None], gap_y / g[:, None])
-    # About a touch the boxes left over reach as far as the root of their size.
-    limit = np.where(zeros.degree == 0, 2000.0, 60.0)
-    return np.any(reach <= limit, axis=1)
+    gap_omega = c[:, None] - zeros.omega
+    reach = np.hypot(gap_omega / h[:, None], gap_y / g[:, None])
+    # About a touch the boxes left over reach as far as the root of their size, and about a simple zero at which
+    # real and imaginary part have nearly the same direction they form a long strip: there the function is as
+    # small as it varies in a box.
+    near = reach <= np.where(zeros.degree == 0, 2000.0, 60.0)
+    by_omega, by_y = slopes
+    value = np.abs(by_omega * gap_omega + by_y * gap_y)
+    small = value <= 4.0 * (np.abs(by_omega) * h[:, None] + np.abs(by_y) * g[:, None])
+    return np.any(near | ((reach <= 2000.0) & small), axis=1)

@@ -43,7 +43,7 @@ from susp_ctrl.delay_systems.argument_principle import count_roots_right_of
 from susp_ctrl.delay_systems.crossings import Zeros, chain_zeros, unit_chain
 from susp_ctrl.delay_systems.delay_line import bordered, delay_line, roots_always_on_axis
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
-from susp_ctrl.delay_systems.exclusion import search_zeros
+from susp_ctrl.delay_systems.exclusion import Work, search_zeros
 from susp_ctrl.delay_systems.lft import FloatArray
 from susp_ctrl.delay_systems.small_gain import small_gain_bands
 from susp_ctrl.delay_systems.sweep_books import Books, Crossings, crossing_table, merged, nothing_found
@@ -53,6 +53,8 @@ from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 # Largest eigenvalue problem of the exact way; above it branch and bound is faster.
 _LARGEST_PENCIL = 200
 _COUNTED_INTERVALS = 5
+_COUNTED_WITHOUT_PROOF = 40
+_REPAIRED = 6
 
 
 def sweep_delays(
@@ -121,6 +123,7 @@ class _Sweep:
         self.line = delay_line(system, direction, start, up_to)
         self.axis_roots = roots_always_on_axis(self.line)
         self._counts: dict[float, int | None] = {}
+        self._work = Work()
 
     def run(self) -> DelaySweep:
         """Try the ways of finding in turn until counts and tendencies agree."""
@@ -168,7 +171,7 @@ class _Sweep:
         """The varying delays are multiples of one, others are fixed: search one turn of the angle."""
         line = self.line
         latest = (self.up_to + (line.offset or 0.0)) * (line.step or 0.0)
-        options: dict[str, Any] = {"turn": 2.0 * np.pi, "lowest": self._lowest()}
+        options: dict[str, Any] = {"turn": 2.0 * np.pi, "lowest": self._lowest(), "work": self._work}
         turn = (0.0, 2.0 * np.pi)
         search = search_zeros(
             line.matrices, line.by_angle(), self._bands, turn, latest=latest * (1 + 1e-9), **options
@@ -182,8 +185,9 @@ class _Sweep:
     def _by_delay(self) -> Crossings:
         """Search frequency and tau directly."""
         search = search_zeros(
-            self.line.matrices, self.line.by_delay(), self._bands, (0.0, self.up_to), lowest=self._lowest()
-        )
+            self.line.matrices, self.line.by_delay(), self._bands, (0.0, self.up_to),
+            lowest=self._lowest(), work=self._work,
+        )  # fmt: skip
         zeros = search.zeros
         tau = np.clip(zeros.y, 0.0, self.up_to)
         found = self._genuine(Zeros(zeros.omega, tau, zeros.degree))
@@ -308,9 +312,8 @@ class _Sweep:
     def _places(self, found: Crossings, edges: FloatArray) -> list[float]:
         """Choose where to count: both ends if no root is on the axis there, and inside the intervals."""
         number = edges.size - 1
-        chosen = np.arange(number)
-        if found.complete and number > _COUNTED_INTERVALS:
-            chosen = np.unique(np.linspace(0, number - 1, _COUNTED_INTERVALS).round().astype(int))
+        most = _COUNTED_INTERVALS if found.complete else _COUNTED_WITHOUT_PROOF
+        chosen = np.unique(np.linspace(0, number - 1, min(most, number)).round().astype(int))
         places = []
         for k in chosen:
             for share in (0.5, 0.23, 0.81):
@@ -337,12 +340,17 @@ class _Sweep:
         """Where counts differ and no crossing accounts for it, narrow the place down and search there."""
         order = sorted(books.missing)
         extra: list[Zeros] = []
-        for low, high in pairwise(order):
-            if books.missing[low] == books.missing[high]:
-                continue
+        gaps = [(low, high) for low, high in pairwise(order) if books.missing[low] != books.missing[high]]
+        if self._work.spent:
+            # Too large a task as a whole: worth going on only if little of it is missing.
+            if len(gaps) > _REPAIRED:
+                return found
+            self._work = Work()
+        for low, high in gaps:
             search = search_zeros(
-                self.line.matrices, self.line.by_delay(), self._bands, (low, high), lowest=self._lowest()
-            )
+                self.line.matrices, self.line.by_delay(), self._bands, (low, high),
+                lowest=self._lowest(), work=self._work,
+            )  # fmt: skip
             extra.append(self._genuine(search.zeros))
         if not extra:
             return found
@@ -372,9 +380,12 @@ class _Sweep:
             proven=found.complete,
             axis_roots=self.axis_roots,
             method=found.method,
-            message=books.message,
+            message=books.message + self._given_up(found),
             line=self.line,
         )
+
+    def _given_up(self, found: Crossings) -> str:
+        return "" if found.complete else "; the search did not prove that no crossing is missing"
 
     def _margin(self, found: Crossings, books: Books) -> float:
         if self.axis_roots:

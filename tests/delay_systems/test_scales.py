@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -136,3 +138,35 @@ def test_results_have_no_truth_value():
     mapped = sc.stability_map(states([[-1.0]], [[-0.4]], [[-0.3]], delays=[1.0, 2.0]))
     with pytest.raises(ValueError, match="unstable_roots"):
         bool(mapped)
+
+
+@pytest.mark.property
+@pytest.mark.parametrize("delays", [(1e-6, 1e3), (0.1, 1e3)])
+def test_a_sweep_over_hundreds_of_turns_gives_up_in_time(delays):
+    """Some hundred crossings beside each other: not proven, and said so, within a second or two of work."""
+    A0, A1, A2 = [[0, 1], [-1, -0.2]], [[0, 0], [0.3, 0.1]], [[0, 0], [-0.2, 0.3]]
+    begin = time.process_time()
+    sweep = sc.sweep_delays(states(A0, A1, A2, delays=[1.0, 1.0]), direction=delays, up_to=1.0)
+    assert time.process_time() - begin < 4.0
+    assert not sweep.proven
+    assert "did not prove" in sweep.message
+    if not sweep.decided:
+        assert set(sweep.intervals["unstable_roots"]) == {-1}
+        assert np.isnan(sweep.delay_margin)
+
+
+@pytest.mark.property
+@pytest.mark.parametrize("seed", [0, 2])
+def test_incommensurate_delays_are_proven(seed):
+    """Where real and imaginary part have nearly the same direction boxes are left over in long strips."""
+    rng = np.random.default_rng(seed)
+    A0 = rng.standard_normal((6, 6)) - 2.0 * np.eye(6)
+    blocks = [2.0 * np.outer(rng.standard_normal(6), rng.standard_normal(6)) for _ in range(3)]
+    direction = np.array([1.0, np.sqrt(2.0), np.pi / 4])
+    sweep = sc.sweep_delays(states(A0, *blocks), direction=direction, up_to=10.0)
+    assert sweep.proven
+    assert sweep.decided
+    for tau, omega in sweep.crossings[["tau", "omega"]].to_numpy():
+        E = np.exp(-1j * omega * tau * direction)
+        K = 1j * omega * np.eye(6) - A0 - np.tensordot(E, blocks, axes=1)
+        assert np.linalg.svd(K, compute_uv=False)[-1] < 1e-11 * np.linalg.norm(K)
