@@ -79,6 +79,10 @@ def series(first: Any, *others: Any, **names: Any) -> DelayLTI:
     **names
         ``inputs``, ``outputs``, ``states``, ``name`` of the result.
 
+    Returns
+    -------
+    DelayLTI
+
     Raises
     ------
     InputError
@@ -100,6 +104,10 @@ def parallel(first: Any, *others: Any, **names: Any) -> DelayLTI:
     **names
         ``inputs``, ``outputs``, ``states``, ``name`` of the result.
 
+    Returns
+    -------
+    DelayLTI
+
     Raises
     ------
     InputError
@@ -120,6 +128,10 @@ def append(first: Any, *others: Any, **names: Any) -> DelayLTI:
         The parts; a name that occurs twice gets a number.
     **names
         ``inputs``, ``outputs``, ``states``, ``name`` of the result.
+
+    Returns
+    -------
+    DelayLTI
     """
     result = as_delay_lti(first, "first")
     for k, other in enumerate(others):

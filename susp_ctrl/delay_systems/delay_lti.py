@@ -201,11 +201,23 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         return DelayLTI(**(settings | changes))
 
     def with_delays(self, delays: ArrayLike) -> DelayLTI:
-        """Return the same system with other delays (s), one for each of `delays`."""
+        """Return the same system with other delays (s), one for each of `delays`.
+
+        Raises
+        ------
+        InputError
+            If their number differs, or one is negative or not finite.
+        """
         return self._with(delays=validation.vector("delays", delays, size=self._delays.size, at_least=0.0))
 
     def with_gains(self, gains: ArrayLike) -> DelayLTI:
-        """Return the same system with other gains, one for each of `gains`."""
+        """Return the same system with other gains, one for each of `gains`.
+
+        Raises
+        ------
+        InputError
+            If their number differs, or one is not finite.
+        """
         return self._with(gains=validation.vector("gains", gains, size=self._gains.size))
 
     def with_names(self, **names: Any) -> DelayLTI:

@@ -75,6 +75,10 @@ def stability_margins(sys: Any, omega_range: tuple[float, float] | None = None) 
         Band to examine (rad/s). By default it ends where a bound proves that the gain stays below one and that
         no crossover beyond can lower the gain margin, as far as that needs no more than 1e5 samples.
 
+    Returns
+    -------
+    StabilityMargins
+
     Raises
     ------
     InputError

@@ -5,6 +5,13 @@ number of unstable roots. For two scalar channels the curves are closed form in 
 the number changes by two across a curve (by one where a real root passes through zero), to the side that is known,
 so one count at a reference point gives all of them. Counts at a point of each region check this.
 
+With two delays the characteristic equation is
+
+.. math:: p_0(s) + p_1(s) z_1 + p_2(s) z_2 + p_{12}(s) z_1 z_2 = 0, \qquad z_k = e^{-s \tau_k},
+
+and on a crossing curve :math:`s = j\omega`, :math:`|z_1| = |z_2| = 1`: solved for z_2 it is a Möbius map of the unit
+circle, which meets the unit circle in at most two points at every frequency.
+
 References
 ----------
 .. [1] K. Gu, S.-I. Niculescu, J. Chen, "On stability crossing curves for general systems with two delays",

@@ -259,9 +259,13 @@ def run_study(study: Study, progress: Progress | None = None) -> StudyResult:
     Examples
     --------
     >>> import susp_ctrl as sc
-    >>> result = sc.run_study(sc.load_study("studies/wu_ren_2020.toml"))    # doctest: +SKIP
-    >>> result.tables["rms_harmonic"]                                       # doctest: +SKIP
-    >>> result.save("out/wu_ren_2020")                                      # doctest: +SKIP
+    >>> result = sc.run_study(sc.load_study("studies/quarter_car_bump.toml"))
+    >>> result.tables["stability"][["design", "verdict"]].to_dict("list")
+    {'design': ['passive', 'prompt', 'slow'], 'verdict': ['stable', 'stable', 'stable']}
+    >>> "rms_bump" in result.tables, "pade_error" in result.figures
+    (True, True)
+
+    ``result.save("out/bump")`` writes the report.
     """
     from susp_ctrl.study import compute_study
 

@@ -24,9 +24,17 @@ _BANDS = (
 
 
 def comfort_bands(weighted_rms: float) -> list[str]:
-    """Return every comfort band of ISO 2631-1 annex C that a weighted RMS acceleration (m/s2) falls into.
+    """Return every comfort band of ISO 2631-1 annex C that a weighted RMS acceleration falls into.
 
-    The bands overlap on purpose, so that there may be two.
+    Parameters
+    ----------
+    weighted_rms : float
+        m/s2, not negative.
+
+    Returns
+    -------
+    list of str
+        The bands overlap on purpose, so that there may be two.
 
     Raises
     ------

@@ -53,7 +53,13 @@ class BumpRoad(Road):
         return self.length / self.speed
 
     def signal(self, lag: float = 0.0) -> RoadSignal:
-        """Return the elevation under a wheel that meets the bump `lag` seconds later."""
+        """Return the elevation under a wheel that meets the bump `lag` seconds later.
+
+        Raises
+        ------
+        InputError
+            If the lag is negative or not finite.
+        """
         lag = validation.number("lag", lag, at_least=0.0)
         return RoadSignal(self._elevation, lag=lag, breakpoints=(lag, lag + self.duration))
 

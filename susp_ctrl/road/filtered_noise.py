@@ -93,7 +93,13 @@ class FilteredNoiseRoad(SpectralRoad):
         return 0.0, np.pi * self.speed / self.step
 
     def signal(self, lag: float = 0.0) -> RoadSignal:
-        """Return the elevation under a wheel that meets the road `lag` seconds later."""
+        """Return the elevation under a wheel that meets the road `lag` seconds later.
+
+        Raises
+        ------
+        InputError
+            If the lag is negative or not finite.
+        """
         lag = validation.number("lag", lag, at_least=0.0)
         # the third derivative of the spline jumps at its knots
         knots = tuple((lag + self.path.x / self.speed).tolist())

@@ -57,7 +57,13 @@ class HarmonicRoad(Road):
         return np.array([self.omega]), np.array([self.amplitude]), np.zeros(1)
 
     def signal(self, lag: float = 0.0) -> RoadSignal:
-        """Return the elevation under a wheel that meets the road `lag` seconds later."""
+        """Return the elevation under a wheel that meets the road `lag` seconds later.
+
+        Raises
+        ------
+        InputError
+            If the lag is negative or not finite.
+        """
         lag = validation.number("lag", lag, at_least=0.0)
         omegas, amplitudes, phases = self.lines
         return RoadSignal(

@@ -91,6 +91,10 @@ class MeasuredRoad(SpectralRoad):
             Names of the two columns (m).
         interpolation : {"cubic", "linear"}
 
+        Returns
+        -------
+        MeasuredRoad
+
         Raises
         ------
         InputError
@@ -132,7 +136,13 @@ class MeasuredRoad(SpectralRoad):
         return 2 * np.pi * self.speed * float(n[0]), 2 * np.pi * self.speed * float(n[-1])
 
     def signal(self, lag: float = 0.0) -> RoadSignal:
-        """Return the elevation under a wheel that meets the record `lag` seconds later."""
+        """Return the elevation under a wheel that meets the record `lag` seconds later.
+
+        Raises
+        ------
+        InputError
+            If the lag is negative or not finite.
+        """
         lag = validation.number("lag", lag, at_least=0.0)
         x = self.samples[0]
         return RoadSignal(
@@ -183,6 +193,15 @@ class MeasuredRoad(SpectralRoad):
         """Return the straight line G_d(n0) (n/n0)^-w that fits the estimated PSD in log-log (least squares).
 
         The estimate is first averaged in third-octave bands, so that every octave of the band weighs alike.
+
+        Parameters
+        ----------
+        n_min, n_max : float
+            Band of the fit (cycle/m).
+
+        Returns
+        -------
+        Iso8608Spectrum
 
         Raises
         ------

@@ -122,7 +122,24 @@ class TwoTrackRoad(Road):
         return self.road.spatial_psd(n)
 
     def signal(self, lag: float = 0.0, track: str = "left") -> RoadSignal:
-        """Return the elevation of the left or right track under a wheel that meets it `lag` seconds later."""
+        """Return the elevation of one track under a wheel that meets it `lag` seconds later.
+
+        Parameters
+        ----------
+        lag : float
+            Seconds, not negative.
+        track : {"left", "right"}
+
+        Returns
+        -------
+        RoadSignal
+            Elevation (m) as a function of time (s).
+
+        Raises
+        ------
+        InputError
+            If the lag is negative or not finite, or there is no such track.
+        """
         on_left = validation.one_of("track", track, ("left", "right")) == "left"
         return self.road.signal(lag) if on_left else sine_signal(self.right_lines, lag)
 

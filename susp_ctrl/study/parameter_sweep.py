@@ -111,9 +111,11 @@ def sweep(
     Examples
     --------
     >>> import susp_ctrl as sc
-    >>> study = sc.load_study("studies/wu_ren_2020.toml")                       # doctest: +SKIP
-    >>> plan = sc.LatinHypercube({"vehicle.body_mass_kg": sc.Tolerance(0.1)}, samples=200, seed=1)  # doctest: +SKIP
-    >>> sc.sweep(study, plan, designs=["random_published"]).yields              # doctest: +SKIP
+    >>> study = sc.load_study("studies/wu_ren_2020.toml")
+    >>> plan = sc.LatinHypercube({"vehicle.body_mass_kg": sc.Tolerance(0.1)}, samples=3, seed=1)
+    >>> found = sc.sweep(study, plan, designs=["random_published"])
+    >>> found.table["verdict"].tolist()
+    ['stable', 'stable', 'stable']
     """
     if not isinstance(study, Study):
         raise InputError(f"study = {study!r} is not allowed: a Study of load_study is needed")

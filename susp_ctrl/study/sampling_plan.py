@@ -72,7 +72,13 @@ class Grid:
         object.__setattr__(self, "factors", Factor.all_of(factors))
 
     def draw(self, study: Study) -> DrawnVariants:
-        """Return the variants."""
+        """Return the variants.
+
+        Raises
+        ------
+        InputError
+            If the grid has more variants than can be listed, or a key is not in the study.
+        """
         levels = [factor.spread.grid() for factor in self.factors]
         number = math.prod(len(values) for values in levels)
         if number > MOST_VARIANTS:

@@ -210,6 +210,18 @@ class Factor:
     def changes(self, study: Study, values: Sequence[Value]) -> list[dict[str, Value]]:
         """Return the changes of the study's keys for values of the spread.
 
+        Parameters
+        ----------
+        study : Study
+            Gives the values that relative changes refer to.
+        values : sequence
+            What the spread gives.
+
+        Returns
+        -------
+        list of dict
+            One per value: keys as `Study.with_changes` takes them.
+
         Raises
         ------
         InputError

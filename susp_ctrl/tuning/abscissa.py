@@ -54,7 +54,7 @@ class SpectralAbscissa:
         validation.integer("order", self.order, at_least=4)
 
     def bind(self, plant: ControlledPlant) -> SampledAbscissa:
-        """Prepare the discretisation."""
+        """Return the objective with its discretisation prepared."""
         return SampledAbscissa(plant.realization, *_transport(self.order))
 
     def exact(self, loop: DelayLTI) -> float:

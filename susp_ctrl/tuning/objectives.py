@@ -48,7 +48,7 @@ class Objective(Protocol):
     smooth: bool
 
     def bind(self, plant: ControlledPlant) -> BoundObjective:
-        """Sample the plant once for all evaluations to come."""
+        """Return the objective with the plant sampled once for all evaluations to come."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class Harmonic:
         _check_weights_and_lags(self)
 
     def bind(self, plant: ControlledPlant) -> SampledObjective:
-        """Sample the plant at the one frequency."""
+        """Return the objective with the plant sampled at the one frequency."""
         omega = np.array([self.omega])
         return SampledObjective(
             omega, _per_velocity(self, plant, omega), lambda h: np.abs(h).sum(axis=(1, 2))
@@ -154,7 +154,7 @@ class BandMean:
         _check_weights_and_lags(self)
 
     def bind(self, plant: ControlledPlant) -> SampledObjective:
-        """Sample the plant over the band."""
+        """Return the objective with the plant sampled over the band."""
         omega = np.asarray(self.omega)
         step = np.diff(omega)
         shares = (np.append(step, 0.0) + np.append(0.0, step)) / (2.0 * (omega[-1] - omega[0]))
@@ -192,7 +192,7 @@ class BandPeak:
         _check_weights_and_lags(self)
 
     def bind(self, plant: ControlledPlant) -> SampledObjective:
-        """Sample the plant over the band."""
+        """Return the objective with the plant sampled over the band."""
         omega = np.asarray(self.omega)
         return SampledObjective(
             omega, _per_velocity(self, plant, omega), lambda h: np.abs(h).sum(axis=-1).max(axis=-1)
@@ -246,7 +246,8 @@ class RoadRms:
         return replace(self, points=points)
 
     def bind(self, plant: ControlledPlant) -> SampledObjective:
-        """Sample the plant at the nodes; the square roots of weight and PSD go into the rows."""
+        """Return the objective with the plant sampled at the nodes of its integral."""
+        # the square roots of weight and PSD go into the rows
         low, high = (float(limit) for limit in self.road.band)
         omega, nodes = resonance_rule((low, high), plant.realization.eigenvalues, self.points)
         density = np.sqrt(nodes * np.asarray(self.road.psd(omega), dtype=float))[:, None] * _filters(

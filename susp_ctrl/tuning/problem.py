@@ -209,7 +209,13 @@ class TuningProblem:
         return self._cases
 
     def channels(self, x: ArrayLike) -> list[FeedbackChannel]:
-        """Return the feedback channels of a design."""
+        """Return the feedback channels of a design ``x = [gains..., delays...]``.
+
+        Raises
+        ------
+        InputError
+            If `x` has the wrong size or holds a number that is not finite.
+        """
         design = validation.vector("x", x, size=self.dimension)
         m = len(self.pairs)
         return [

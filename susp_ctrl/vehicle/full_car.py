@@ -110,6 +110,10 @@ class FullCar(TwoAxles):
             kg m2.
         track_front, track_rear : float
             m; the rear track equals the front one by default.
+
+        Returns
+        -------
+        FullCar
         """
         shared = {
             f"{field}_{axle}": getattr(car, f"{field}_{axle}")

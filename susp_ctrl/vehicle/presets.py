@@ -59,6 +59,10 @@ def vehicle_preset(name: str) -> QuarterCar | HalfCar | FullCar:
         A key of ``susp_ctrl.vehicle.VEHICLE_PRESETS``, which also holds the sources: "wu_ren_2020" (half car),
         "golden_car", "mathworks_active_suspension" (quarter cars).
 
+    Returns
+    -------
+    QuarterCar, HalfCar or FullCar
+
     Raises
     ------
     InputError
