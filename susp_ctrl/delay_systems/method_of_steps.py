@@ -8,6 +8,17 @@ Python is busy once per cell or less, never once per sample.
 
 The cells' length follows the decay of the Legendre coefficients. Beside the solution runs a companion that uses
 every input and every delayed signal without its two highest coefficients; the difference estimates the error.
+
+On a cell of length h, with Legendre coefficients c of all forcing,
+
+.. math:: x(t + h) = e^{A h} x(t) + \sum_n G_n c_n, \qquad
+          G_n = \int_0^h e^{A (h - \theta)} B \, P_n(2\theta/h - 1) \, d\theta,
+
+with the same matrices for all cells of that length. See `susp_ctrl.delay_systems.simulation` for the method as such.
+
+References
+----------
+.. [1] A. Bellen, M. Zennaro, "Numerical Methods for Delay Differential Equations", Oxford, 2003, chapter 3.
 """
 
 from __future__ import annotations

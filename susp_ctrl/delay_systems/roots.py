@@ -132,6 +132,10 @@ def spectral_abscissa(sys: Any) -> float:
     ----------
     sys : DelayLTI, control.StateSpace or control.TransferFunction
         The system, with its loops closed.
+
+    Returns
+    -------
+    float
     """
     roots = characteristic_roots(sys, 1)
     return float(roots[0].real) if roots.size else -np.inf
