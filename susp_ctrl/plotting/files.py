@@ -23,7 +23,7 @@ _LONG_NUMBER = re.compile(rb"(\.\d\d)\d+")
 
 
 @styled
-def save_figure(figure: Figure, path: str | Path, *, dpi: float = 100.0, colours: int = 32) -> None:
+def save_figure(figure: Figure, path: str | Path, *, dpi: float = 100.0, colours: int = 24) -> None:
     """Write a figure with the look's settings; the same figure gives the same bytes (no time stamp).
 
     Parameters

@@ -107,10 +107,10 @@ def map_picture(unstable_roots: ArrayLike) -> bytes:
     """
     rank, _ = _ranks(np.asarray(unstable_roots))
     picture = Image.fromarray(_picture(rank)[::-1])
+    if not (rank < 0).any():  # a palette is smaller, but knows no transparency
+        picture = picture.convert("RGB").convert("P", palette=Image.Palette.ADAPTIVE, colors=len(_SHADES))
     file = BytesIO()
-    picture.convert("P", palette=Image.Palette.ADAPTIVE, colors=len(_SHADES) + 1).save(
-        file, format="PNG", optimize=True
-    )
+    picture.save(file, format="PNG", optimize=True)
     return file.getvalue()
 
 

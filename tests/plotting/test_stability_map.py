@@ -90,6 +90,8 @@ def test_the_picture_has_a_dot_for_each_value_and_its_first_row_below() -> None:
     assert dots.shape == (2, 3)
     assert dots[1].tolist() == [255, 255, 0xE2]
     assert dots[0].tolist() == [0xC9] * 3
+    undecided = Image.open(BytesIO(plotting.map_picture([[0, -1]])))
+    assert np.asarray(undecided)[0, :, 3].tolist() == [255, 0]
 
 
 def test_a_design_outside_is_not_marked_and_a_limit_is_drawn(ax: Axes) -> None:
