@@ -117,12 +117,45 @@ class CharacteristicMatrix:
     @cached_property
     def absolute_parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """``|A|``, ``|B2| Q`` and ``Q |C2|`` with ``Q = (I - |D22|)^-1 >= |(I - D22 E)^-1|`` for all |E| <= 1."""
+        Q = self._direct_series
+        return np.abs(self.A), np.abs(self.B) @ Q, Q @ np.abs(self.C)
+
+    @cached_property
+    def _direct_series(self) -> FloatArray:
+        """``(I - |D22|)^-1``: all direct paths from one delayed signal to another."""
         Q = np.eye(self.n_channels)
         power = np.abs(self.D)
         for _ in range(self.n_channels - 1):  # nilpotent: the series ends
             Q = Q + power
             power = power @ np.abs(self.D)
-        return np.abs(self.A), np.abs(self.B) @ Q, Q @ np.abs(self.C)
+        return Q
+
+    @cached_property
+    def right_reach(self) -> float:
+        r"""Modulus beyond which no root with non-negative real part lies; a fast stable pole does not raise it.
+
+        Such a root makes :math:`\det(I - P_{22} E) = 0` with :math:`|E| \le 1`, or is a pole itself. In the Schur
+        basis of A the entries of :math:`(sI - T)^{-1}` are bounded by those of a triangular matrix with the distances
+        from the poles to the region beyond on its diagonal.
+        """
+        largest = self.root_bound
+        if self.n_channels == 0 or largest == 0.0:
+            return largest
+        T, U = scipy.linalg.schur(self.A, output="complex")
+        poles, off = np.diag(T), np.abs(np.triu(T, 1))
+        Q = self._direct_series
+        into, out = np.abs(U.conj().T @ self.B) @ Q, np.abs(self.C @ U)
+        beyond, within = largest, 0.0
+        # to a tenth; the bound is monotone in the radius
+        while beyond > 1.1 * within and beyond > 1e-12 * largest:
+            radius = np.sqrt(beyond * within) if within > 0.0 else 0.03 * beyond
+            distance = _distance_to_far_right(poles, radius)
+            clear = bool(np.all(distance > 0.0))
+            if clear:
+                passed = np.linalg.solve(np.diag(distance) - off, into)
+                clear = bool(np.max(np.abs(np.linalg.eigvals(out @ passed))) < 0.99)
+            beyond, within = (radius, within) if clear else (beyond, radius)
+        return beyond
 
     @cached_property
     def root_bound(self) -> float:
@@ -140,6 +173,16 @@ class CharacteristicMatrix:
         in_schur_basis = np.abs(np.triu(T)) + np.abs(U.conj().T @ self.B) @ Q @ np.abs(self.C @ U)
         given = A + np.abs(self.B) @ C
         return min(_spectral_radius_bound(given), _spectral_radius_bound(in_schur_basis))
+
+
+def _distance_to_far_right(poles: Points, radius: float) -> FloatArray:
+    """Distance from each pole to the points s with Re s >= 0 and |s| >= radius."""
+    height = np.abs(poles.imag)
+    # from the left the nearest point lies on the axis, from inside the half disc on its arc
+    below = np.maximum(radius - height, 0.0)
+    beside = np.hypot(poles.real, below)
+    inside = np.maximum(radius - np.abs(poles), 0.0)
+    return np.where(poles.real <= 0.0, beside, inside)
 
 
 def _in_a_loop(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray) -> np.ndarray:

@@ -25,9 +25,14 @@ from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray
 
 _UNIT = 64.0 * np.finfo(float).eps
-# Approximations nearer than this (relative) are looked at together.
-_NEAR = 1e-4
+# A root is settled when its last step is below this share of it.
+_SETTLED = 1e-9
+# Approximations nearer than this (relative) are looked at together, as are all that rounding could unite.
+_NEAR = 1e-6
 _CIRCLE = np.exp(2j * np.pi * (np.arange(48) + 0.5) / 48)
+# Circles tried around a group, each this much wider than the one before.
+_WIDER = 4.0
+_MOST_CIRCLES = 30
 
 
 class RefinedRoots(NamedTuple):
@@ -41,6 +46,9 @@ class RefinedRoots(NamedTuple):
 def refine(K: CharacteristicMatrix, starts: ComplexArray) -> RefinedRoots:
     """Return the roots that Newton finds from the starts, each as often as it occurs, spurious starts dropped.
 
+    Every tolerance follows the root it is for: its size, and how far rounding in K can move it there. The size of
+    other roots, a fast pole's say, plays no part.
+
     Parameters
     ----------
     K : CharacteristicMatrix
@@ -51,14 +59,18 @@ def refine(K: CharacteristicMatrix, starts: ComplexArray) -> RefinedRoots:
     if starts.size == 0:
         return RefinedRoots(starts.astype(complex), np.zeros(0), np.zeros(0))
     with np.errstate(all="ignore"):
-        limits, steps = _newton(K, starts)
-    kept = np.isfinite(limits) & (steps < 1e-2 * (np.abs(limits) + _floor(K)))
-    limits, steps = limits[kept], steps[kept]
-    limits = np.where(limits.imag < 0.0, limits.conj(), limits)
+        limits, steps = _newton(K, starts, _local_size(K, starts))
+        finite = np.isfinite(limits) & np.isfinite(steps)
+        limits, steps = limits[finite], steps[finite]
+        limits = np.where(limits.imag < 0.0, limits.conj(), limits)
+        uncertain = _uncertainty(K, limits, steps)
+        kept = steps < np.maximum(1e-2 * np.abs(limits), 10.0 * uncertain)
+    limits, steps, uncertain = limits[kept], steps[kept], uncertain[kept]
     found: list[tuple[complex, float, float]] = []
-    uncertain = _uncertainty(K, limits)
-    for members in _groups(limits, _NEAR * (np.abs(limits) + _floor(K))):
-        if members.size == 1 and _is_simple(K, limits, steps, uncertain, members[0]):
+    error = np.maximum(steps, np.where(np.isfinite(uncertain), uncertain, 0.0))
+    simple = _are_simple(K, limits, steps, uncertain)
+    for members in _groups(limits, 10.0 * error + _NEAR * np.abs(limits)):
+        if members.size == 1 and simple[members[0]]:
             found.append((limits[members[0]], steps[members[0]], uncertain[members[0]]))
         else:
             found.extend(_resolve(K, limits, steps, uncertain, members))
@@ -69,42 +81,67 @@ def refine(K: CharacteristicMatrix, starts: ComplexArray) -> RefinedRoots:
     return RefinedRoots(roots, residuals, uncertainties)
 
 
-def _floor(K: CharacteristicMatrix) -> float:
-    """Size below which a root counts as small: a fraction of the largest that one can be."""
-    return 1e-3 * K.root_bound + 1e-300
+def eigenvalue_uncertainty(K: CharacteristicMatrix, eigenvalues: ComplexArray) -> FloatArray:
+    """How far rounding can move each eigenvalue of A, and at least as far as the like of it lie apart."""
+    with np.errstate(all="ignore"):
+        error = np.minimum(_uncertainty(K, eigenvalues, np.zeros(eigenvalues.size)), 1e-3 * _bend(K))
+    for members in _groups(eigenvalues, 10.0 * error + _NEAR * np.abs(eigenvalues)):
+        points = eigenvalues[members]
+        error[members] = max(float(np.max(error[members])), float(np.max(np.abs(points - points.mean()))))
+    return error
 
 
-def _is_simple(
-    K: CharacteristicMatrix, limits: ComplexArray, steps: FloatArray, uncertain: FloatArray, k: int
-) -> bool:
-    size = abs(limits[k]) + _floor(K)
-    alone = limits[k].imag == 0.0 or limits[k].imag > _NEAR * size
-    return bool(alone and steps[k] <= 1e-9 * size and uncertain[k] <= 1e-6 * size)
+def _bend(K: CharacteristicMatrix) -> float:
+    """How far the longest delay lets one think that K changes slowly (rad/s)."""
+    return 1.0 / float(K.delays.max()) if K.n_channels else K.root_bound or 1.0
 
 
-def _newton(K: CharacteristicMatrix, starts: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-    """Newton for all starts at once; returns the limits and the size of the last step of each."""
+def _local_size(K: CharacteristicMatrix, s: ComplexArray) -> FloatArray:
+    """Size beside which something counts as small at s: of s, or the way to the nearest other, at most 1/delay."""
+    gap = np.abs(s[:, None] - np.concatenate([s, s.conj()]))
+    # what is this near is no other root but the same one, its double or its conjugate
+    gap[gap <= 1e-3 * np.abs(s)[:, None]] = np.inf
+    return np.maximum(np.abs(s), np.min(gap, axis=1, initial=_bend(K)))
+
+
+def _are_simple(
+    K: CharacteristicMatrix, limits: ComplexArray, steps: FloatArray, uncertain: FloatArray
+) -> np.ndarray:
+    """Roots that Newton has settled, that rounding moves but little, and that are not beside their conjugate."""
+    size = _local_size(K, limits)
+    settled = (steps <= _SETTLED * np.abs(limits)) | (
+        (steps <= 4.0 * uncertain) & (uncertain <= 1e-12 * size)
+    )
+    alone = (limits.imag == 0.0) | (limits.imag > 10.0 * uncertain + _NEAR * np.abs(limits))
+    return np.asarray(settled & alone & (uncertain <= 1e-6 * size))
+
+
+def _newton(
+    K: CharacteristicMatrix, starts: ComplexArray, reach: FloatArray
+) -> tuple[ComplexArray, FloatArray]:
+    """Newton for all starts at once; returns the places after the smallest step of each, and those steps.
+
+    A step longer than half the root and the `reach` of its start together has lost its way: it is shortened.
+    """
     s = starts.astype(complex)
-    last = np.full(s.size, np.inf)
+    best, least = s.copy(), np.full(s.size, np.inf)
     active = np.arange(s.size)
     for _ in range(25):
         step = -1.0 / _logarithmic_derivative(K, s[active])
-        # a step longer than the root itself has lost its way: shorten it
-        longest = 0.5 * np.abs(s[active]) + 100.0 * _floor(K)
+        longest = 0.5 * np.abs(s[active]) + reach[active]
         size = np.abs(step)
         step = np.where(size > longest, step * (longest / size), step)
-        size = np.abs(step)
-        noise = 4.0 * np.finfo(float).eps * np.abs(s[active])
-        stalled = (size >= 0.5 * last[active]) & (last[active] <= 1e-9 * (np.abs(s[active]) + _floor(K)))
-        moving = np.isfinite(step) & ~stalled
-        s[active[moving]] += step[moving]
-        last[active] = np.where(
-            np.isfinite(size), np.minimum(size, np.where(stalled, last[active], size)), np.inf
-        )
-        active = active[moving & (size > noise)]
+        size = np.where(np.isfinite(step), np.abs(step), np.inf)
+        place = s[active] + step
+        stalled = (size >= 0.5 * least[active]) & (least[active] <= _SETTLED * np.abs(s[active]))
+        better = size < least[active]
+        best[active[better]], least[active[better]] = place[better], size[better]
+        s[active] = place
+        noise = 4.0 * np.finfo(float).eps * np.abs(place)
+        active = active[np.isfinite(step) & ~stalled & (size > noise)]
         if active.size == 0:
             break
-    return s, last
+    return best, least
 
 
 def _logarithmic_derivative(K: CharacteristicMatrix, s: ComplexArray) -> ComplexArray:
@@ -119,23 +156,29 @@ def _logarithmic_derivative(K: CharacteristicMatrix, s: ComplexArray) -> Complex
         return values
 
 
-def _uncertainty(K: CharacteristicMatrix, s: ComplexArray) -> FloatArray:
+def _uncertainty(K: CharacteristicMatrix, s: ComplexArray, steps: FloatArray) -> FloatArray:
     r"""First-order bound of a simple root's motion when every entry of K changes by some roundings.
 
     With left and right null vectors y and x it is :math:`\epsilon |y|^T M |x| / |y^H K' x|`, M the magnitudes that K
-    is summed from; near the root :math:`K^{-1}` is the dyad of x and y over :math:`\mathrm{tr}(K^{-1}K')`.
+    is summed from; near the root :math:`K^{-1}` is the dyad of x and y over :math:`\mathrm{tr}(K^{-1}K')`. Beside a
+    multiple root it is about the distance at which rounding scatters the members.
     """
-    # a little beside the root, where K can be inverted
-    size = np.abs(s) + _floor(K)
-    beside = s + 1e-7 * size
-    matrix, derivative = K.with_derivative(beside)
+    # a little beside the root, where K can be inverted; further off where the last step was zero by chance
+    moved = _motion_beside(K, s, 1e-7 * np.abs(s) + 10.0 * steps + 1e-16 * K.root_bound + 1e-300)
+    unknown = ~np.isfinite(moved)
+    if np.any(unknown):
+        moved[unknown] = _motion_beside(K, s[unknown], 1e-7 * np.maximum(np.abs(s[unknown]), _bend(K)))
+    return np.where(np.isfinite(moved), moved, np.inf)
+
+
+def _motion_beside(K: CharacteristicMatrix, s: ComplexArray, offset: FloatArray) -> FloatArray:
+    matrix, derivative = K.with_derivative(s + offset)
     with np.errstate(all="ignore"):
-        try:
-            inverse = np.linalg.inv(matrix)
-        except np.linalg.LinAlgError:
-            return np.full(s.size, np.inf)
+        matrix[np.linalg.slogdet(matrix)[0] == 0.0] = np.nan
+        inverse = np.linalg.inv(matrix)
         slope = np.abs(np.trace(inverse @ derivative, axis1=1, axis2=2))
-        return _UNIT * np.trace(np.abs(inverse) @ _magnitudes(K, beside), axis1=1, axis2=2) / slope
+        moved = np.trace(np.abs(inverse) @ _magnitudes(K, s + offset), axis1=1, axis2=2) / slope
+    return np.asarray(_UNIT * moved)
 
 
 def _magnitudes(K: CharacteristicMatrix, s: ComplexArray) -> FloatArray:
@@ -171,41 +214,35 @@ def _resolve(
 ) -> list[tuple[complex, float, float]]:
     """Tell a multiple root from near ones and from duplicates, by circles around them."""
     points = limits[members]
+    scatter = float(
+        np.max(np.maximum(steps[members], np.where(uncertain[members] < 1e300, uncertain[members], 0.0)))
+    )
     center = complex(points.mean())
-    size = abs(center) + _floor(K)
-    if center.imag < 4.0 * _NEAR * size:
+    if center.imag <= 10.0 * scatter + 4.0 * _NEAR * abs(center):
         center = complex(center.real)
     spread = float(np.max(np.abs(points - center)))
     others = np.delete(limits, members)
     mirrored = np.concatenate([others, others.conj(), [] if center.imag == 0.0 else points.conj()])
-    free = 0.4 * float(np.min(np.abs(mirrored - center), initial=np.inf))
-    for radius in (
-        max(4.0 * spread, 1e-3 * size),
-        max(4.0 * spread, 1e-5 * size),
-        1.5 * spread + 1e-7 * size,
-    ):
-        radius = min(radius, free)
-        if radius <= spread:
-            continue
-        moments = _moments(K, center, radius)
-        number = round(moments[0].real) if np.isfinite(moments[0]) else -1
-        if number >= 0 and abs(moments[0] - number) < 1e-6:
-            break
-    else:
+    free = 0.4 * float(np.min(np.abs(mirrored - center), initial=max(abs(center), _bend(K))))
+    smallest = 4.0 * max(spread, steps[members].min(), uncertain[members].min(), 1e-15 * abs(center))
+    counted = _best_circle(K, center, smallest, free)
+    if counted is None:
         return []
-    if number == 0:
-        return []
+    radius, number, moments = counted
     best = _distinct(points, steps, np.maximum(uncertain[members], steps[members]), members)
-    counted = sum(1 if limits[k].imag == 0.0 or center.imag != 0.0 else 2 for k in best)
-    settled = all(steps[k] <= 1e-9 * size and uncertain[k] <= 1e-6 * size for k in best)
-    if counted == number and settled:
+    told = sum(1 if limits[k].imag <= uncertain[k] or center.imag != 0.0 else 2 for k in best)
+    settled = all(
+        steps[k] <= max(_SETTLED * abs(limits[k]), 4.0 * uncertain[k]) and uncertain[k] <= 1e-3 * radius
+        for k in best
+    )
+    if told == number and settled:
         return [(limits[k], steps[k], uncertain[k]) for k in best]
     # power sums of the roots about the centre, in units of the radius, give their polynomial (Newton's identities)
     power = moments[1 : number + 1] if number < moments.size else None
     if power is None:
         return []
     if number == 1:
-        return _single(K, center + radius * complex(power[0]))
+        return _single(K, center + radius * complex(power[0]), radius)
     coefficients = [1.0 + 0j]
     for k in range(1, number + 1):
         coefficients.append(-sum(coefficients[k - j] * power[j - 1] for j in range(1, k + 1)) / k)
@@ -225,13 +262,45 @@ def _resolve(
     return [(root, residual, error) for root in roots if root.imag >= 0.0 or center.imag != 0.0]
 
 
-def _single(K: CharacteristicMatrix, start: complex) -> list[tuple[complex, float, float]]:
+def _best_circle(
+    K: CharacteristicMatrix, center: complex, smallest: float, free: float
+) -> tuple[float, int, ComplexArray] | None:
+    """Radius, number of roots and moments of a circle around the fewest roots that can be counted, if there is one.
+
+    On a circle no wider than the scatter rounding spoils the integral, on one that passes another root its
+    quadrature fails: both show in a number that is not whole. Of the circles with the same number the one with the
+    most accurate moments is taken.
+    """
+    if free < 0.25 * smallest:  # another root is nearer than the members are to each other
+        return None
+    radius = min(smallest, free)
+    best: tuple[float, int, ComplexArray] | None = None
+    least = np.inf
+    for _ in range(_MOST_CIRCLES):
+        moments = _moments(K, center, radius)
+        number = round(moments[0].real) if np.isfinite(moments[0]) else 0
+        error = abs(moments[0] - number)
+        if best is not None and number != best[1]:
+            break
+        if number >= 1 and error < 1e-6 and error * radius < least:
+            best, least = (radius, number, moments), error * radius
+        elif best is not None and radius > 100.0 * best[0]:
+            break
+        if radius >= free:
+            break
+        radius = min(_WIDER * radius, free)
+    return best
+
+
+def _single(K: CharacteristicMatrix, start: complex, radius: float) -> list[tuple[complex, float, float]]:
     """Newton from the place that a circle gives for its only root."""
-    limit, step = _newton(K, np.array([start]))
-    if not step[0] <= 1e-9 * (abs(limit[0]) + _floor(K)):
-        return []
+    with np.errstate(all="ignore"):
+        limit, step = _newton(K, np.array([start]), np.array([radius]))
     root = np.where(limit.imag < 0.0, limit.conj(), limit)
-    return [(complex(root[0]), float(step[0]), float(_uncertainty(K, root)[0]))]
+    uncertain = float(_uncertainty(K, root, step)[0])
+    if step[0] > max(_SETTLED * abs(limit[0]), 4.0 * uncertain) or not abs(limit[0] - start) < radius:
+        return []
+    return [(complex(root[0]), float(step[0]), uncertain)]
 
 
 def _distinct(points: ComplexArray, steps: FloatArray, error: FloatArray, members: np.ndarray) -> list[int]:
@@ -258,7 +327,7 @@ def _cluster_uncertainty(K: CharacteristicMatrix, center: complex, largest: floa
     """Radius of the smallest circle that rounding in K cannot push a root through."""
     radius = largest
     identity = np.eye(K.n_states)
-    while radius > 1e-13 * (abs(center) + _floor(K)):
+    while radius > max(1e-13 * abs(center), 1e-16 * largest):
         s = center + 0.25 * radius * _CIRCLE
         with np.errstate(all="ignore"):
             try:

@@ -28,7 +28,7 @@ from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.delay_lti import as_delay_lti
 from susp_ctrl.delay_systems.discretization import discretized_matrix
 from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.root_refinement import RefinedRoots, refine
+from susp_ctrl.delay_systems.root_refinement import RefinedRoots, eigenvalue_uncertainty, refine
 from susp_ctrl.errors import InputError
 
 # Largest matrix whose eigenvalues are computed (about a second), and most roots that may be asked for.
@@ -161,7 +161,9 @@ def rightmost_roots(
     if K.n_channels == 0:
         return _without_delay(K, count)
     longest = float(K.delays.max())
-    radius = refinement * K.root_bound
+    # what lies a little left of the axis is wanted too; poles far to the left need no resolved delay
+    nearby = K.shifted(-1.0 / longest).right_reach + 1.0 / longest
+    radius = refinement * min(K.root_bound, nearby)
     if verify:
         # rightmost roots of a loop with long delays are slow ones: try those first
         radius = min(radius, _FIRST_ANGLE / longest)
@@ -171,14 +173,14 @@ def rightmost_roots(
     for attempt in range(_ATTEMPTS):
         eigenvalues, size = _eigenvalues(K, radius)
         if verify:
-            starts = _rightmost_starts(eigenvalues, count + margin)
+            starts = _rightmost_starts(eigenvalues, count + margin, radius)
         else:
             unstable = int(np.sum(eigenvalues.real > -1e-3 * np.abs(eigenvalues)))
-            starts = _rightmost_starts(eigenvalues, max(count, unstable) + margin)
+            starts = _rightmost_starts(eigenvalues, max(count, unstable) + margin, radius)
         found = _all_of(refine(K, starts), size)
         if not verify:
             return found
-        end, line = _gap_after(found, count)
+        end, line = gap_after(K, found, count)
         if line is not None and _confirmed(K, line, end):
             return found.first(end)._replace(complete=True)
         if attempt == 1 and not _delays_move_roots(K):
@@ -186,7 +188,7 @@ def rightmost_roots(
         if found.largest:
             break
         radius, margin = 1.8 * radius, 2 * margin
-    end, _ = _gap_after(found, count)
+    end, _ = gap_after(K, found, count)
     return found.first(end)._replace(complete=False)
 
 
@@ -202,13 +204,13 @@ def roots_right_of(K: CharacteristicMatrix, line: float) -> RootSet:
         )
     # a chain of roots is spaced by 2 pi/tau in both half planes
     chain = 3.2 * (wanted or 0) / float(K.delays.max())
-    radius = min(K.shifted(used).root_bound + abs(used), 2.0 * K.root_bound + chain)
+    radius = min(K.shifted(used).right_reach + abs(used), 2.0 * K.root_bound + chain)
     found = _nothing()
     for attempt in range(_ATTEMPTS):
         eigenvalues, size = _eigenvalues(K, radius)
         reach = used - 0.1 * (abs(used) + 1.0 / float(K.delays.max()))
         number = max(int(np.sum(eigenvalues.real > reach)), wanted or 0) + 4 * (attempt + 1)
-        found = _all_of(refine(K, _rightmost_starts(eigenvalues, number)), size)
+        found = _all_of(refine(K, _rightmost_starts(eigenvalues, number, radius)), size)
         inside = int(np.sum(found.roots.real > used))
         if inside == wanted:
             return found.first(int(np.sum(found.roots.real > line)))._replace(complete=True)
@@ -231,12 +233,18 @@ def _eigenvalues(K: CharacteristicMatrix, radius: float) -> tuple[ComplexArray, 
     return np.linalg.eigvals(M).astype(complex), M.shape[0]
 
 
-def _rightmost_starts(eigenvalues: ComplexArray, count: int) -> ComplexArray:
-    """The eigenvalues in the closed upper half plane that stand for the `count` rightmost ones."""
+def _rightmost_starts(eigenvalues: ComplexArray, count: int, resolved: float = np.inf) -> ComplexArray:
+    """The eigenvalues in the closed upper half plane that stand for the `count` rightmost ones.
+
+    Those beyond the modulus that is resolved may be spurious; as many rightmost ones within it are taken besides.
+    """
     upper = eigenvalues[eigenvalues.imag >= 0.0]
     upper = upper[np.argsort(-upper.real)]
-    stands_for = np.cumsum(np.where(upper.imag > 0.0, 2, 1))
-    return upper[: int(np.searchsorted(stands_for, count)) + 1]
+    within = np.abs(upper) <= resolved
+    stands_for = np.where(upper.imag > 0.0, 2, 1)
+    taken = np.cumsum(stands_for) - stands_for < count
+    taken |= within & (np.cumsum(stands_for * within) - stands_for * within < count)
+    return upper[taken]
 
 
 def _all_of(refined: RefinedRoots, size: int) -> RootSet:
@@ -249,19 +257,21 @@ def _all_of(refined: RefinedRoots, size: int) -> RootSet:
     return RootSet(roots[order], residuals[order], uncertainties[order], None, size)
 
 
-def _gap_after(found: RootSet, count: int) -> tuple[int, float | None]:
+def gap_after(K: CharacteristicMatrix, found: RootSet, count: int) -> tuple[int, float | None]:
     """Where the first `count` roots end (pairs whole), and a line in a gap at or after that, if there is one."""
-    roots = found.roots
+    roots, error = found.roots, np.maximum(found.uncertainties, found.residuals)
     if roots.size < count:
         return roots.size, None
     end = count + int(roots[count - 1].imag > 0.0)
+    # further left e^{-s tau} grows, and the count becomes costly without being any safer
+    furthest = 1.0 / float(K.delays.max()) if K.n_channels else np.inf
     if end == roots.size:
-        return end, float(roots[-1].real - 0.05 * np.abs(roots[-1]) - 10.0 * found.uncertainties[-1])
+        size = np.abs(roots[-1]) or min(furthest, K.root_bound or 1.0)
+        return end, float(roots[-1].real - min(0.05 * size, furthest) - 10.0 * error[-1])
     for k in range(end, roots.size):
         gap = roots[k - 1].real - roots[k].real
-        certain = 10.0 * (found.uncertainties[k - 1] + found.uncertainties[k]) + 1e-9 * abs(roots[k])
-        if gap > certain:
-            return k, 0.5 * (roots[k - 1].real + roots[k].real)
+        if gap > 10.0 * (error[k - 1] + error[k]) + 1e-9 * abs(roots[k].real):
+            return k, float(roots[k - 1].real - min(0.5 * gap, furthest + 10.0 * error[k - 1]))
     return end, None
 
 
@@ -274,8 +284,9 @@ def _confirmed(K: CharacteristicMatrix, line: float, number: int) -> bool:
 
 def _count_near(K: CharacteristicMatrix, line: float) -> tuple[float, int | None]:
     """Count right of `line`, moved a little to the left where a root lies on it."""
-    for shift in (0.0, 1e-8, 1e-6, 1e-4, 1e-3):
-        moved = line - shift * (abs(line) + 1e-3 * K.root_bound)
+    size = abs(line) + min(1e-3 * K.root_bound, 1.0 / float(K.delays.max()))
+    for shift in (0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3):
+        moved = line - shift * size
         try:
             return moved, count_right_of(K, moved)
         except ContourError:
@@ -306,12 +317,10 @@ def _without_delay(K: CharacteristicMatrix, count: int) -> RootSet:
         return _nothing()._replace(complete=True)
     bare = CharacteristicMatrix(K.A, K.B[:, :0], K.C[:0], K.D[:0, :0], K.delays[:0])
     eigenvalues = np.linalg.eigvals(K.A).astype(complex)
-    found = _all_of(refine(bare, eigenvalues[eigenvalues.imag >= 0.0]), K.n_states)
+    upper = eigenvalues[eigenvalues.imag >= 0.0]
+    found = _all_of(refine(bare, upper), K.n_states)
     if found.roots.size != K.n_states:
-        exact = RefinedRoots(
-            eigenvalues[eigenvalues.imag >= 0.0],
-            *(np.full(int(np.sum(eigenvalues.imag >= 0.0)), x) for x in (0.0, 1e-7 * (1.0 + K.root_bound))),
-        )
-        found = _all_of(exact, K.n_states)
+        error = eigenvalue_uncertainty(bare, upper)
+        found = _all_of(RefinedRoots(upper, np.zeros(upper.size), error), K.n_states)
     end = found.roots.size if count >= found.roots.size else count + int(found.roots[count - 1].imag > 0.0)
     return found.first(end)._replace(complete=True)

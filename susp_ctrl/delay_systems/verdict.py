@@ -6,8 +6,10 @@ r"""The stability verdict: three methods, one answer, or none.
 * *sweep*: starting from the loop without delay, all delays grow in proportion to their full size and every
   crossing of the imaginary axis is followed (`susp_ctrl.delay_systems.frequency_sweep`).
 
-A loop is called stable or unstable only if the methods agree. Otherwise the orders are raised, and if the methods
-still differ, or a root lies on the axis as far as rounding lets one tell, the verdict is undecided and says why.
+A loop is called stable or unstable only if the methods agree, and stable only if the argument principle also
+counts, right of a line just left of the rightmost root, as many roots as were found there: no unstable root found is
+no evidence by itself. Otherwise the orders are raised, and if the methods still differ, or a root lies on the axis as
+far as rounding lets one tell, the verdict is undecided and says why.
 """
 
 from __future__ import annotations
@@ -25,12 +27,14 @@ from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.frequency_sweep import sweep_delays
 from susp_ctrl.delay_systems.lft import ComplexArray
-from susp_ctrl.delay_systems.roots import RootSet, rightmost_roots
-from susp_ctrl.errors import UndecidedStabilityWarning
+from susp_ctrl.delay_systems.roots import RootSet, gap_after, rightmost_roots
+from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
 ROOTS, ARGUMENT, SWEEP = "roots", "argument principle", "sweep"
 # Factors on the order of the discretisation that are tried until the methods agree.
 _REFINEMENTS = (1.0, 1.7, 3.0)
+# Beyond this number of unstable roots only the rightmost ones are computed.
+_MOST_COMPUTED = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +46,8 @@ class StabilityVerdict:
     stable : bool or None
         None: undecided, see `reason`.
     abscissa : float
-        Largest real part of the roots found (rad/s).
+        Largest real part of the roots (rad/s): the argument principle counts no root right of it that was not
+        found. nan where that cannot be confirmed, which leaves no loop stable.
     unstable_roots : int or None
         Number of roots with positive real part; None if undecided.
     agreement : mapping
@@ -125,25 +130,35 @@ def _decide(system: DelayLTI) -> StabilityVerdict:
     if K.n_states == 0:
         nothing = np.zeros(0, dtype=complex)
         return _verdict(True, 0, agreement, "the system has no state and no roots", nothing)
+    agreement[ARGUMENT] = counted = _count(K, 0.0)
     if K.n_channels:
         agreement[SWEEP] = _count_by_sweep(system)
+    if counted is not None and counted > _MOST_COMPUTED:
+        found = rightmost_roots(K, 8)
+        agreement[ROOTS] = int(np.sum(found.roots.real > 0.0))
+        return _without_agreement(K, agreement, found)
     for refinement in _REFINEMENTS:
         found = rightmost_roots(K, 8, verify=False, refinement=refinement)
         on_axis = _on_axis(found)
         if np.any(on_axis):
             return _with_roots_on_axis(K, found, on_axis, agreement)
-        agreement |= {ROOTS: int(np.sum(found.roots.real > 0.0)), ARGUMENT: _count(K, 0.0)}
+        agreement[ROOTS] = int(np.sum(found.roots.real > 0.0))
         answers = {n for n in agreement.values() if n is not None}
-        if len(answers) == 1 and agreement[ARGUMENT] is not None:
-            number = answers.pop()
-            return _verdict(number == 0, number, agreement, _agreed(number, agreement), found.roots)
+        if len(answers) == 1 and counted is not None:
+            # all unstable roots found: the rightmost is among them; of a stable loop it could have been missed
+            if counted or _is_rightmost(K, found):
+                return _verdict(counted == 0, counted, agreement, _agreed(counted, agreement), found.roots)
         if found.largest:
             break
-    if all(answers) and len(answers) > 1 and agreement[ARGUMENT] is not None:
-        return _unstable_without_number(agreement, found)
-    told = ", ".join(f"{name} {'cannot tell' if n is None else n}" for name, n in agreement.items())
-    reason = f"the methods differ on the number of unstable roots ({told})"
-    return _verdict(None, None, agreement, reason, found.roots)
+    if len(answers) == 1 and counted is not None:
+        found = rightmost_roots(K, 1)
+        if found.complete and found.roots[0].real < 0.0:
+            return _verdict(True, 0, agreement, _agreed(0, agreement), found.roots)
+        reason = (
+            "no method finds an unstable root, but the argument principle does not confirm the rightmost root"
+        )
+        return _verdict(None, None, agreement | {ROOTS: None}, reason, found.roots, known=False)
+    return _without_agreement(K, agreement, found)
 
 
 def _verdict(
@@ -152,18 +167,33 @@ def _verdict(
     agreement: Mapping[str, int | None],
     reason: str,
     roots: ComplexArray,
+    known: bool = True,
 ) -> StabilityVerdict:
-    abscissa = float(roots[0].real) if roots.size else -np.inf
+    abscissa = np.nan if not known else float(roots[0].real) if roots.size else -np.inf
     return StabilityVerdict(stable, abscissa, number, MappingProxyType(dict(agreement)), reason, roots)
 
 
-def _unstable_without_number(agreement: Mapping[str, int | None], found: RootSet) -> StabilityVerdict:
-    """Every method finds unstable roots, in numbers that differ: so many that not all can be computed."""
-    counts = [agreement[name] for name in (ARGUMENT, SWEEP) if agreement.get(name) is not None]
-    number = counts[0] if len(counts) == 2 and counts[0] == counts[1] else None
-    told = ", ".join(f"{name} {n}" for name, n in agreement.items() if n is not None)
-    reason = f"all methods find roots with positive real part, though not the same number ({told})"
-    return _verdict(False, number, agreement, reason, found.roots)
+def _is_rightmost(K: CharacteristicMatrix, found: RootSet) -> bool:
+    """Whether the roots found are all there are right of a line just left of the first."""
+    number, line = gap_after(K, found, 1)
+    return line is not None and _count(K, line) == number
+
+
+def _without_agreement(
+    K: CharacteristicMatrix, agreement: Mapping[str, int | None], found: RootSet
+) -> StabilityVerdict:
+    """Unstable where every method finds unstable roots, so many that not all can be computed; else undecided."""
+    known = _is_rightmost(K, found)
+    answers = {n for n in agreement.values() if n is not None}
+    if all(answers) and len(answers) > 1 and agreement[ARGUMENT] is not None:
+        counts = [agreement[name] for name in (ARGUMENT, SWEEP) if agreement.get(name) is not None]
+        number = counts[0] if len(counts) == 2 and counts[0] == counts[1] else None
+        told = ", ".join(f"{name} {n}" for name, n in agreement.items() if n is not None)
+        reason = f"all methods find roots with positive real part, though not the same number ({told})"
+        return _verdict(False, number, agreement, reason, found.roots, known)
+    told = ", ".join(f"{name} {'cannot tell' if n is None else n}" for name, n in agreement.items())
+    reason = f"the methods differ on the number of unstable roots ({told})"
+    return _verdict(None, None, agreement, reason, found.roots, known)
 
 
 def _agreed(number: int, agreement: Mapping[str, int | None]) -> str:
@@ -192,13 +222,14 @@ def _with_roots_on_axis(
             return _verdict(
                 False, number, agreement, f"{_agreed(number, agreement)}; besides, {where}", found.roots
             )
-    return _verdict(None, None, agreement | {ROOTS: None, ARGUMENT: None}, where, found.roots)
+    known = _is_rightmost(K, found)
+    return _verdict(None, None, agreement | {ROOTS: None, ARGUMENT: None}, where, found.roots, known)
 
 
 def _count(K: CharacteristicMatrix, line: float) -> int | None:
     try:
         return count_right_of(K, line)
-    except ContourError:
+    except (ContourError, InputError):  # on a root, or so far left that e^{-s tau} has no digits
         return None
 
 
