@@ -4,9 +4,8 @@ Every loop with delays is an undelayed system ``P`` with inputs ``[u; w]`` and o
 
 .. math::
 
-    \dot x &= A x + B_1 u + B_2 w \\
-    y      &= C_1 x + D_{11} u + D_{12} w \\
-    z      &= C_2 x + D_{21} u + D_{22} w,  \qquad  w_k(t) = g_k z_k(t - \tau_k),
+    \dot x = A x + B_1 u + B_2 w, \quad y = C_1 x + D_{11} u + D_{12} w, \quad
+    z = C_2 x + D_{21} u + D_{22} w, \quad w_k(t) = g_k z_k(t - \tau_k),
 
 whose response is a linear fractional transformation of the delays,
 
