@@ -45,7 +45,7 @@ def explorer_html(explorer: MapExplorer) -> str:
         "response_label": escape(with_unit(signal_text(explorer.output), explorer.unit)),
         "design": _design_mark(explorer),
         "shades": " ".join(
-            f'<span class="shade" style="background:{shade}"></span> {escape(text)}'
+            f'<span><span class="shade" style="background:{shade}"></span> {escape(text)}</span>'
             for text, shade in map_legend(case.unstable_roots)
         ),
         # No "<" can end the script element that the data stand in.

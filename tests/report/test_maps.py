@@ -45,13 +45,23 @@ def test_maps_without_curves_are_told_and_not_drawn(mapped: StudyRun) -> None:
     assert set(tables) == {"stability_maps", "stability_map_regions", "gain_limits_front_second_published"}
     rows = [row["cells"] for row in tables["stability_maps"].cells() if "cells" in row]
     assert rows == [
-        ["published, harmonic", "1", "100", "0", "∞", "3.8012", "✓"],
-        ["published, random, gains × 5.5", "2", "50.0", "0", "0.2100 s", "3.8012", "✓"],
-        ["published, random", "2", "50.0", "0", "21.0 % of the ranges", "3.8012", "✓"],
+        ["published, harmonic", "1", "100", "0", "∞", "3.8012", "agree"],
+        ["published, random, gains × 5.5", "2", "50.0", "0", "0.2100 s", "3.8012", "agree"],
+        ["published, random", "2", "50.0", "0", "21.0 % of the ranges", "3.8012", "agree"],
     ]
     groups = [row["group"] for row in tables["stability_maps"].cells() if "group" in row]
     assert groups[-1] == "Over τ₁ from 0 to 0.4 s, g₁ from 0 to 250 kN/m"
-    assert "at least 125.000 kN/m (with 0.4 s, lost at 65.00 rad/s)" in section.figures[1].caption
+    assert (
+        "Of 3 delays 0.4 s allows the least gain, up to 125.000 kN/m (lost at 65.00 rad/s)"
+        in section.figures[1].caption
+    )
+
+
+def test_counts_that_differ_are_said(mapped: StudyRun) -> None:
+    doubtful = replace(mapped, stability_maps=(replace(mapped.stability_maps[0], confirmed=False),))
+    section = maps_section(doubtful)
+    assert section is not None
+    assert section.tables[0].cells()[1]["cells"][-1] == "DIFFER"
 
 
 def test_figures_show_the_ranges_in_displayed_units(mapped: StudyRun) -> None:

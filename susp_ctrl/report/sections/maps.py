@@ -105,8 +105,8 @@ def _least_limit(case: StabilityMapCase) -> str:
     scale, unit = axis_scale(case.y if case.x.is_delay else case.x)
     worst = case.gain_limits.sort_values("gain_to").iloc[0]
     return (
-        f" The highest stable gain of a delay is at least {number_text(scale * worst['gain_to'], 6)} {unit} "
-        f"(with {exact_text(worst['delay_s'], 4)} s, lost at {number_text(worst['omega_rad_per_s'], 4)} rad/s)."
+        f" Of {len(case.gain_limits)} delays {exact_text(worst['delay_s'], 4)} s allows the least gain, up to "
+        f"{number_text(scale * worst['gain_to'], 6)} {unit} (lost at {number_text(worst['omega_rad_per_s'], 4)} rad/s)."
     )
 
 
@@ -145,6 +145,7 @@ def _overview(run: StudyRun) -> Table:
         title=[map_title(run, case) for case in run.stability_maps],
         plane=[f"Over {_plane(case)}" for case in run.stability_maps],
         roots=[str(case.point_roots) if case.point_roots >= 0 else "outside" for case in run.stability_maps],
+        agreement=["agree" if case.confirmed else "DIFFER" for case in run.stability_maps],
         away=[_distance(case) for case in run.stability_maps],
         factor=[
             f"{'' if case.lost_exact else '≥ '}{number_text(case.lost_at, 5)}" for case in run.stability_maps
@@ -163,7 +164,7 @@ def _overview(run: StudyRun) -> Table:
             Column("roots", "unstable roots", "written"),
             Column("away", "distance", "written"),
             Column("factor", "lost at gains ×", "written"),
-            Column("confirmed", "counts agree", "check"),
+            Column("agreement", "counts"),
         ),
         group="plane",
         note="Lost at gains ×: below this multiple of its own gains a design is stable whatever its delays, from "
