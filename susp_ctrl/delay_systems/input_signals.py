@@ -8,7 +8,7 @@ A callable may carry attributes: `breakpoints` (times of kinks and jumps, s), `b
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -24,12 +24,13 @@ Lines = tuple[FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class Part:
-    """One given signal: `rows` are the inputs it drives."""
+    """One given signal: `rows` are the inputs it drives; `samples` (rows, times) where it was given so."""
 
     name: str
     rows: tuple[int, ...]
     function: Callable[[FloatArray], Any]
     lines: Lines | None = None
+    samples: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,8 @@ class Inputs:
         Highest frequency (rad/s), where every part announces one.
     knots : ndarray or None
         Times of the samples, where inputs were given as arrays.
+    hold : {"linear", "zero"}
+        What the inputs given as arrays do between.
     """
 
     size: int
@@ -55,6 +58,16 @@ class Inputs:
     breakpoints: FloatArray
     bandwidth: float | None
     knots: FloatArray | None = None
+    hold: str = "linear"
+
+    def split(self) -> tuple[Inputs, Inputs]:
+        """Return the inputs given by samples alone, and the others alone."""
+        sampled = tuple(part for part in self.parts if part.samples is not None)
+        others = tuple(part for part in self.parts if part.samples is None)
+        return (
+            replace(self, parts=sampled, breakpoints=np.zeros(0), bandwidth=0.0),
+            replace(self, parts=others, knots=None),
+        )
 
     @property
     def sample_times(self) -> FloatArray:
@@ -143,12 +156,12 @@ def as_inputs(
         samples = _samples(label, value, len(rows), timepts)
         if not np.any(samples):
             continue
-        parts.append(Part(label, rows, _sampled(timepts, samples, hold)))
+        parts.append(Part(label, rows, _sampled(timepts, samples, hold), None, samples))
         bandwidths.append(0.0)
         knots = timepts
     announced = [b for b in bandwidths if b is not None]
     bandwidth = max(announced, default=0.0) if len(announced) == len(bandwidths) else None
-    return Inputs(q, tuple(parts), np.unique(np.array(known, dtype=float)), bandwidth, knots)
+    return Inputs(q, tuple(parts), np.unique(np.array(known, dtype=float)), bandwidth, knots, hold)
 
 
 def _given(inputs: Any, labels: Sequence[str], name: str) -> list[tuple[str, tuple[int, ...], Any]]:
@@ -226,10 +239,10 @@ def _sampled(timepts: FloatArray, samples: FloatArray, hold: str) -> Callable[[F
         return lambda t: np.repeat(samples, np.size(t), axis=1)
     if hold == "zero":
         return lambda t: samples[:, np.clip(np.searchsorted(timepts, t, side="right") - 1, 0, None)]
-    slopes = np.diff(samples, axis=1) / np.diff(timepts)
 
     def linear(t: FloatArray) -> FloatArray:
         cell = np.clip(np.searchsorted(timepts, t, side="right") - 1, 0, timepts.size - 2)
-        return samples[:, cell] + slopes[:, cell] * (t - timepts[cell])
+        share = (t - timepts[cell]) / (timepts[cell + 1] - timepts[cell])
+        return samples[:, cell] * (1.0 - share) + samples[:, cell + 1] * share
 
     return linear

@@ -33,7 +33,8 @@ from susp_ctrl.delay_systems.input_signals import Inputs
 from susp_ctrl.delay_systems.kinks import propagated_kinks
 from susp_ctrl.delay_systems.lft import FloatArray
 from susp_ctrl.delay_systems.panels import CellGroup, PanelSolver
-from susp_ctrl.delay_systems.run import Past, Run
+from susp_ctrl.delay_systems.run import Past, Run, superposed
+from susp_ctrl.delay_systems.sampled_run import run_sampled
 from susp_ctrl.delay_systems.signal_memory import SignalMemory
 
 _EPS = float(np.finfo(float).eps)
@@ -75,6 +76,13 @@ def run_exact(
     OverflowError
         The response of an unstable loop leaves the range of floating point numbers.
     """
+    if all(i.knots is not None for i in inputs):
+        apart = [i.split() for i in inputs]
+        sampled = run_sampled(loop, [own for own, _ in apart], timepts, past.start, rtol)
+        if sampled is not None:
+            others = [rest for _, rest in apart]
+            quiet = past.delayed is None and not np.any(past.state) and not any(i.parts for i in others)
+            return sampled if quiet else superposed(sampled, run_exact(loop, others, timepts, past, rtol))
     tolerance = 1e-2 * rtol
     best, least = None, np.inf
     for _ in range(3):
@@ -118,7 +126,7 @@ class _March:
         n, p, q, T = self.plant.n_states, self.plant.n_outputs, self.plant.n_inputs, timepts.size
         self.y, self.x, self.u = (np.empty((size, T, cases)) for size in (p, n, q))
         self.written = 0
-        self.error, self.peak = np.zeros((p, cases)), np.zeros((p, cases))
+        self.error, self.peak, self.rounding = (np.zeros((p, cases)) for _ in range(3))
         self.z_peak, self.u_peak = np.zeros((self.delays.size, cases)), np.zeros((q, cases))
         self.x_peak = np.abs(past.state) * np.ones((n, cases))
         self.most, self.wait, self.backoff, self.trial = 8, 0, 1, False
@@ -132,7 +140,8 @@ class _March:
         rates = [0.0, *np.abs(plant.eigenvalues), *np.abs(np.linalg.eigvals(closed))]
         bands = [i.bandwidth for i in self.inputs if i.bandwidth is not None]
         self.omega = max(*rates, *bands, 1.0 / (self.end - start))
-        sources = np.unique([0.0, *(t for i in self.inputs for t in (*i.breakpoints, *i.sample_times))])
+        times = [t for i in self.inputs for t in (i.breakpoints, i.sample_times)]
+        sources = np.unique(np.concatenate([[0.0], *times]))
         sources = sources[(sources > start) & (sources < self.end)]
         self.rule = gauss_rule(_NODES)
         knots = np.zeros(0)
@@ -183,7 +192,8 @@ class _March:
         state = (self.solver.coordinates.back @ (self.xi[:r] + 1j * self.xi[r:])).real[:, : self.cases]
         kinks = tuple(float(t) for t in self.edges if t >= self.end - longest_delay)
         past = self.memory.as_past(self.end, state, kinks)
-        return Run(self.y, self.x, self.u, self.error, self.peak, past, self.memory.count - 1)
+        cells = self.memory.count - 1
+        return Run(self.y, self.x, self.u, self.error, self.peak, past, cells, self.rounding)
 
     def _refine(self, tries: list[tuple[float, float]], factor: float) -> None:
         """Shorten the cells, or accept them as they are where that does not help."""
@@ -194,7 +204,7 @@ class _March:
         if last <= self.smallest:
             self.accept = "small"
         elif (
-            len(tries) > 3 and tail_last > tail_first * np.sqrt(last / first) and tail_last <= _LOUDEST_NOISE
+            len(tries) > 8 and tail_last > tail_first * np.sqrt(last / first) and tail_last <= _LOUDEST_NOISE
         ):
             # rounding, or noise of the input: it does not fall with the length as the tail of a kink does
             self.accept, self.length = "noise", first
@@ -256,6 +266,7 @@ class _March:
                 "the system is unstable, shorten the run"
             )
         full, r = slice(0, cases), solver.coordinates.size
+        rounding = self.rounding
         error, y_peak, z_peak, x_peak = self.error, self.peak, self.z_peak, self.x_peak
         results: list[tuple[CellGroup, FloatArray, FloatArray]] = []
         for g in groups:
@@ -276,13 +287,14 @@ class _March:
             z_size = abs(plant.C2) @ x_size + abs(plant.D21) @ u_peak + abs(plant.D22) @ w_peak
             y_size = abs(plant.C1) @ x_size + abs(plant.D11) @ u_peak
             y_size += abs(plant.D12) @ np.maximum(z_size, w_peak)
+            rounding = np.maximum(rounding, noise * y_size)
             worst = self._check(y[..., full], y_peak, noise * y_size, g, worst)
             worst = self._check(g.z[..., full], z_peak, noise * z_size, g, worst)
             if self.accept != "small":
                 # a cell as small as they get holds a kink: its own error lasts no time
                 error = np.maximum(error, _size(y[..., full] - solver.truncated(y[..., cases:])))
         self.error, self.peak, self.z_peak, self.x_peak, self.u_peak = error, y_peak, z_peak, x_peak, u_peak
-        self.xi = xi
+        self.xi, self.rounding = xi, rounding
         self.memory.count += starts.size
         self._write(results, end)
         return float((1.0 / max(worst, 1e-300)) ** (1.0 / self.rule.size) * 0.85)

@@ -67,6 +67,8 @@ class Run:
         Samples at the output times.
     error, peak : ndarray, shape (outputs, cases)
         Estimated largest error, absolute, and largest magnitude.
+    rounding : ndarray or float, shape (outputs, cases)
+        Part of the error that is rounding of larger signals, which no accuracy of the method removes.
     past : Past
         Where a following run begins.
     cells : int
@@ -80,8 +82,31 @@ class Run:
     peak: FloatArray
     past: Past
     cells: int
+    rounding: FloatArray | float = 0.0
 
     @property
     def relative_error(self) -> FloatArray:
-        """Error relative to each output's peak, shape (outputs, cases); zero for an output that is zero."""
-        return self.error / np.maximum(self.peak, np.finfo(float).tiny)
+        """Error beyond rounding relative to each output's peak, shape (outputs, cases); zero for a zero output."""
+        return np.maximum(self.error - self.rounding, 0.0) / np.maximum(self.peak, np.finfo(float).tiny)
+
+
+def superposed(one: Run, other: Run) -> Run:
+    """Return the sum of two runs of one system over the same times."""
+    outputs = one.outputs + other.outputs
+    a, b = one.past, other.past
+    parts = [past.delayed for past in (a, b) if past.delayed is not None]
+
+    def delayed(times: FloatArray) -> FloatArray:
+        return np.asarray(sum(part(times) for part in parts))
+
+    kinks = tuple(sorted({*a.kinks, *b.kinks}))
+    return Run(
+        outputs,
+        one.states + other.states,
+        one.inputs + other.inputs,
+        one.error + other.error,
+        np.max(np.abs(outputs), axis=1, initial=0.0),
+        Past(a.start, a.state + b.state, delayed if parts else None, kinks),
+        one.cells + other.cells,
+        one.rounding + other.rounding,
+    )

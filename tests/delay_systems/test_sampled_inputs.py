@@ -1,0 +1,99 @@
+"""Inputs given as samples: every sample is a kink, and the delays move it.
+
+The same signal as a callable that announces its kinks goes through cells between all of them, another way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from half_car_loops import DELAYS, half_car_loop, relative
+
+import susp_ctrl as sc
+
+
+def smooth_pieces(samples, t, hold):
+    """A callable that cells between its kinks resolve, so that it is not taken as samples."""
+
+    def value(s):
+        cell = np.clip(np.searchsorted(t, s, side="right") - 1, 0, t.size - 2)
+        share = (s - t[cell]) / (t[cell + 1] - t[cell]) * (hold == "linear")
+        return samples[cell] * (1.0 - share) + samples[cell + 1] * share
+
+    value.breakpoints = t
+    return value
+
+
+@pytest.mark.property
+@pytest.mark.parametrize("hold", ["linear", "zero"])
+@pytest.mark.parametrize("delays", [DELAYS, (0.0612, 0.06), (0.1, 0.13), (0.02, 5.0)])
+def test_many_samples_equal_cells_between_all_kinks(hold, delays):
+    """Delays that are and are not whole numbers of samples; white noise and a road."""
+    sys, t = half_car_loop(delays=delays), np.arange(301) * 2e-3
+    rng = np.random.default_rng(3)
+    samples = np.stack([rng.standard_normal(t.size) * 0.01, np.cumsum(rng.standard_normal(t.size)) * 1e-3])
+    names = ("road_front", "road_rear")
+    fast = sc.simulate(sys, t, dict(zip(names, samples, strict=True)), hold=hold)
+    pieces = {name: smooth_pieces(u, t, hold) for name, u in zip(names, samples, strict=True)}
+    slow = sc.simulate(sys, t, pieces)
+    last = slice(0, -1)
+    assert relative(fast.outputs[:8, last], slow.outputs[:8, last]) < 1e-10
+    assert relative(fast.states, slow.states) < 1e-10
+    peak = np.max(np.abs(fast.outputs), axis=1)
+    assert np.all(fast.error_estimate <= 1e-8 * np.maximum(peak, 1e-300))
+
+
+@pytest.mark.property
+def test_samples_beside_a_callable_and_a_history():
+    sys, t = half_car_loop(delays=(0.21, 0.1234)), np.arange(401) * 1e-3
+    samples = np.cumsum(np.random.default_rng(5).standard_normal(t.size)) * 1e-3
+
+    def run(first):
+        inputs = {"road_front": first, "road_rear": lambda t: 0.01 * np.sin(9.0 * t), "force_front": 3.0}
+        return sc.simulate(sys, t, inputs, history=lambda t: 1e-3 * np.cos(np.outer(np.arange(1, 9), t)))
+
+    both, pieces = run(samples), run(smooth_pieces(samples, t, "linear"))
+    assert relative(both.outputs, pieces.outputs) < 1e-10
+    np.testing.assert_allclose(both.inputs, pieces.inputs, rtol=0, atol=1e-12)
+
+
+@pytest.mark.property
+def test_continuation_under_samples_equals_one_run():
+    sys, t = half_car_loop(), np.arange(1501) * 1e-3
+    samples = np.cumsum(np.random.default_rng(5).standard_normal(t.size)) * 1e-3
+    whole = sc.simulate(sys, t, {"road_front": samples})
+    first = sc.simulate(sys, t[:801], {"road_front": samples[:801]})
+    second = sc.simulate(sys, t[800:], {"road_front": samples[800:]}, history=first)
+    assert relative(second.outputs, whole.outputs[:, 800:]) < 1e-9
+
+
+@pytest.mark.property
+def test_samples_into_a_defective_plant():
+    A = np.diag(np.ones(3), 1) - np.eye(4)
+    A1 = np.zeros((4, 4))
+    A1[3, 0] = -0.5
+    sys = sc.DelayLTI.from_state_delays([A, A1], [0.7], B=np.eye(4)[:, [3]])
+    t = np.arange(201) * 0.02
+    samples = np.random.default_rng(5).standard_normal(t.size)
+    pieces = sc.simulate(sys, t, smooth_pieces(samples, t, "linear"))
+    assert relative(sc.simulate(sys, t, samples).outputs, pieces.outputs) < 1e-10
+
+
+@pytest.mark.property
+@pytest.mark.parametrize("hold", ["linear", "zero"])
+def test_sampled_inputs_equal_the_callable_with_the_same_kinks(hold):
+    sys, t = half_car_loop(delays=(0.153, 0.0861)), np.linspace(0.0, 1.0, 51)
+    samples = np.random.default_rng(3).standard_normal(t.size) * 0.01
+
+    def callable_of_samples(s):
+        if hold == "linear":
+            return np.interp(s, t, samples)
+        return samples[np.searchsorted(t, s, side="right") - 1]
+
+    callable_of_samples.breakpoints = t
+    fine = np.linspace(0.0, 1.0, 51)
+    exact = sc.simulate(sys, fine, {"road_front": samples}, hold=hold)
+    reference = sc.simulate(sys, fine, {"road_front": callable_of_samples}, method="reference")
+    # just before the jump at the end the held input still has its old value
+    last = slice(0, -1)
+    assert relative(exact.outputs[:8, last], reference.outputs[:8, last]) < 1e-8
