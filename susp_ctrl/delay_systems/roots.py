@@ -36,7 +36,7 @@ _LARGEST_SIZE = 1200
 _MOST_ROOTS = 1000
 _ATTEMPTS = 7
 # Angle |s| tau (rad) that the first discretisation resolves at most, where the order is checked afterwards.
-_FIRST_ANGLE = 150.0
+FIRST_ANGLE = 150.0
 
 
 class RootSet(NamedTuple):
@@ -141,45 +141,21 @@ def spectral_abscissa(sys: Any) -> float:
     return float(roots[0].real) if roots.size else -np.inf
 
 
-def rightmost_roots(
-    K: CharacteristicMatrix, count: int, *, verify: bool = True, refinement: float = 1.0
-) -> RootSet:
+def rightmost_roots(K: CharacteristicMatrix, count: int) -> RootSet:
     """Return at least `count` rightmost roots, pairs complete.
 
-    Parameters
-    ----------
-    K : CharacteristicMatrix
-        Characteristic matrix.
-    count : int
-        Number wanted.
-    verify : bool, optional
-        Compare with the argument principle and raise the order until they agree. Without it the order is taken
-        from the disc that holds all roots in the right half plane, and every root found there is returned.
-    refinement : float, optional
-        Factor on the first order.
+    They are compared with the argument principle, and the order is raised until both agree.
     """
     if K.n_channels == 0:
         return _without_delay(K, count)
+    # rightmost roots of a loop with long delays are slow ones: try those first
     longest = float(K.delays.max())
-    # what lies a little left of the axis is wanted too; poles far to the left need no resolved delay
-    nearby = K.shifted(-1.0 / longest).right_reach + 1.0 / longest
-    radius = refinement * min(K.root_bound, nearby)
-    if verify:
-        # rightmost roots of a loop with long delays are slow ones: try those first
-        radius = min(radius, _FIRST_ANGLE / longest)
-    radius = max(radius, 1.6 * count / longest)
+    radius = max(min(reach_near_axis(K), FIRST_ANGLE / longest), 1.6 * count / longest)
     margin = 4
     found = _nothing()
     for attempt in range(_ATTEMPTS):
         eigenvalues, size = _eigenvalues(K, radius)
-        if verify:
-            starts = _rightmost_starts(eigenvalues, count + margin, radius)
-        else:
-            unstable = int(np.sum(eigenvalues.real > -1e-3 * np.abs(eigenvalues)))
-            starts = _rightmost_starts(eigenvalues, max(count, unstable) + margin, radius)
-        found = _all_of(refine(K, starts), size)
-        if not verify:
-            return found
+        found = _all_of(refine(K, _rightmost_starts(eigenvalues, count + margin, radius)), size)
         end, line = gap_after(K, found, count)
         if line is not None and _confirmed(K, line, end):
             return found.first(end)._replace(complete=True)
@@ -190,6 +166,26 @@ def rightmost_roots(
         radius, margin = 1.8 * radius, 2 * margin
     end, _ = gap_after(K, found, count)
     return found.first(end)._replace(complete=False)
+
+
+def reach_near_axis(K: CharacteristicMatrix) -> float:
+    """Modulus within which the roots in the right half plane lie, and those a little left of the axis."""
+    margin = 1.0 / float(K.delays.max())
+    return min(K.root_bound, K.shifted(-margin).right_reach + margin)
+
+
+def roots_near_axis(K: CharacteristicMatrix, count: int, radius: float) -> RootSet:
+    """Return the rightmost and all unstable roots that a discretisation up to |s| of about `radius` leads to.
+
+    At least `count` starts are refined, and all that may be unstable. Nothing tells whether a root is missing.
+    """
+    if K.n_channels == 0:
+        return _without_delay(K, count)
+    resolved = max(radius, 1.6 * count / float(K.delays.max()))
+    eigenvalues, size = _eigenvalues(K, resolved)
+    unstable = int(np.sum(eigenvalues.real > -1e-3 * np.abs(eigenvalues)))
+    starts = _rightmost_starts(eigenvalues, max(count, unstable) + 4, resolved)
+    return _all_of(refine(K, starts), size)
 
 
 def roots_right_of(K: CharacteristicMatrix, line: float) -> RootSet:

@@ -27,12 +27,20 @@ from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.frequency_sweep import sweep_delays
 from susp_ctrl.delay_systems.lft import ComplexArray
-from susp_ctrl.delay_systems.roots import RootSet, gap_after, rightmost_roots
+from susp_ctrl.delay_systems.roots import (
+    FIRST_ANGLE,
+    RootSet,
+    gap_after,
+    reach_near_axis,
+    rightmost_roots,
+    roots_near_axis,
+)
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
 ROOTS, ARGUMENT, SWEEP = "roots", "argument principle", "sweep"
-# Factors on the order of the discretisation that are tried until the methods agree.
-_REFINEMENTS = (1.0, 1.7, 3.0)
+# What the discretisation resolves until the methods agree: multiples of a first angle |s| tau, with which it is
+# small, and of the modulus within which all unstable roots lie.
+_ANGLES, _REACHES = (1.0, 4.0), (1.0, 1.7, 3.0)
 # Beyond this number of unstable roots only the rightmost ones are computed.
 _MOST_COMPUTED = 300
 
@@ -137,17 +145,16 @@ def _decide(system: DelayLTI) -> StabilityVerdict:
         found = rightmost_roots(K, 8)
         agreement[ROOTS] = int(np.sum(found.roots.real > 0.0))
         return _without_agreement(K, agreement, found)
-    for refinement in _REFINEMENTS:
-        found = rightmost_roots(K, 8, verify=False, refinement=refinement)
+    for radius in _resolved(K):
+        found = roots_near_axis(K, 8, radius)
         on_axis = _on_axis(found)
         if np.any(on_axis):
             return _with_roots_on_axis(K, found, on_axis, agreement)
         agreement[ROOTS] = int(np.sum(found.roots.real > 0.0))
         answers = {n for n in agreement.values() if n is not None}
-        if len(answers) == 1 and counted is not None:
-            # all unstable roots found: the rightmost is among them; of a stable loop it could have been missed
-            if counted or _is_rightmost(K, found):
-                return _verdict(counted == 0, counted, agreement, _agreed(counted, agreement), found.roots)
+        # with all unstable roots found the rightmost is among them; of a stable loop it could have been missed
+        if len(answers) == 1 and counted is not None and (counted or _is_rightmost(K, found)):
+            return _verdict(counted == 0, counted, agreement, _agreed(counted, agreement), found.roots)
         if found.largest:
             break
     if len(answers) == 1 and counted is not None:
@@ -159,6 +166,14 @@ def _decide(system: DelayLTI) -> StabilityVerdict:
         )
         return _verdict(None, None, agreement | {ROOTS: None}, reason, found.roots, known=False)
     return _without_agreement(K, agreement, found)
+
+
+def _resolved(K: CharacteristicMatrix) -> list[float]:
+    """Moduli up to which the delays are resolved, one after the other."""
+    if K.n_channels == 0:
+        return [0.0]
+    reach, angle = reach_near_axis(K), FIRST_ANGLE / float(K.delays.max())
+    return [k * angle for k in _ANGLES if k * angle < reach] + [k * reach for k in _REACHES]
 
 
 def _verdict(

@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 import susp_ctrl as sc
 from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.roots import rightmost_roots
+from susp_ctrl.delay_systems.roots import reach_near_axis, roots_near_axis
 
 
 def check_roots_and_count(seed):
     A, delays = random_loop(seed)
     loop = sc.DelayLTI.from_state_delays(A=A, delays=delays)
-    found = rightmost_roots(CharacteristicMatrix.of(loop.folded), 6, verify=False)
+    K = CharacteristicMatrix.of(loop.folded)
+    found = roots_near_axis(K, 6, reach_near_axis(K))
     right = int(np.sum(found.roots.real > 0.0))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sc.UndecidedStabilityWarning)

@@ -102,25 +102,20 @@ def test_reach_of_the_right_half_plane_ignores_fast_stable_poles():
 
 
 def test_a_missed_rightmost_root_leaves_no_loop_stable(monkeypatch):
-    """Roots with the rightmost pair cut off: none is unstable, and yet the verdict must find the pair or say nothing."""
+    """Roots with the rightmost pair cut off: none is unstable, yet the verdict must find the pair or say nothing."""
     loop = system([0.0, -1.0], [1.0])
-    original = verdict_module.rightmost_roots
 
-    def blind(K, count, **options):
-        found = original(K, count, **options)
-        return found._replace(
-            roots=found.roots[2:], residuals=found.residuals[2:], uncertainties=found.uncertainties[2:]
-        )
+    def without_first_pair(original):
+        def found(*arguments):
+            roots = original(*arguments)
+            cut = {name: getattr(roots, name)[2:] for name in ("roots", "residuals", "uncertainties")}
+            return roots._replace(complete=False, **cut)
 
-    monkeypatch.setattr(
-        verdict_module, "rightmost_roots", lambda K, count, **o: (blind if o else original)(K, count, **o)
-    )
+        return found
+
+    monkeypatch.setattr(verdict_module, "roots_near_axis", without_first_pair(verdict_module.roots_near_axis))
     assert sc.stability(loop).abscissa == pytest.approx(rightmost(-1.0, 1.0).real, rel=1e-9)
-    monkeypatch.setattr(
-        verdict_module,
-        "rightmost_roots",
-        lambda K, count, **o: blind(K, count, **o)._replace(complete=False),
-    )
+    monkeypatch.setattr(verdict_module, "rightmost_roots", without_first_pair(verdict_module.rightmost_roots))
     with pytest.warns(UndecidedStabilityWarning, match="does not confirm"):
         verdict = sc.stability(loop)
     assert verdict.stable is None
