@@ -75,6 +75,18 @@ def test_figures_show_the_ranges_in_displayed_units(mapped: StudyRun) -> None:
     assert texts == ["stable", "2 unstable roots", "highest stable gain", "design"]
 
 
+def test_limits_on_both_sides_of_zero_are_drawn(mapped: StudyRun) -> None:
+    case = mapped.stability_maps[2]
+    assert case.gain_limits is not None
+    both = replace(case, gain_limits=case.gain_limits.assign(gain_from=[-90e3, np.nan, -80e3]))
+    section = maps_section(replace(mapped, stability_maps=(both,)))
+    assert section is not None
+    (axes,) = section.figures[0].draw().axes
+    (limit,) = [line for line in axes.get_lines() if line.get_label() == "limits of the stable gain"]
+    np.testing.assert_allclose(limit.get_xdata(), [0.0, 0.2, 0.4, np.nan, 0.0, 0.2, 0.4])
+    np.testing.assert_allclose(limit.get_ydata(), [np.nan, 130.0, 125.0, np.nan, -90.0, np.nan, -80.0])
+
+
 def test_the_document_is_set_with_maps(mapped: StudyRun, tmp_path: Path) -> None:
     pytest.importorskip("typst")
     result = StudyResult(mapped)

@@ -212,11 +212,14 @@ def _draw(case: StabilityMapCase) -> MatplotlibFigure:
     from susp_ctrl.plotting import draw_stability_map, new_figure
 
     scales = np.array([axis_scale(case.x)[0], axis_scale(case.y)[0]])
-    limit = None
+    limit, limit_label = None, ""
     if case.gain_limits is not None:
-        values = [case.gain_limits["delay_s"].to_numpy(), case.gain_limits["gain_to"].to_numpy()]
-        across, upward = values if case.x.is_delay else values[::-1]
+        low, high = case.gain_limits["gain_from"].to_numpy(), case.gain_limits["gain_to"].to_numpy()
+        delays = case.gain_limits["delay_s"].to_numpy()
+        both = (np.concatenate([delays, [np.nan], delays]), np.concatenate([high, [np.nan], low]))
+        across, upward = both if case.x.is_delay else both[::-1]
         limit = (scales[0] * across, scales[1] * upward)
+        limit_label = "highest stable gain" if np.isnan(low).all() else "limits of the stable gain"
     figure, axes = new_figure(height=2.6)
     draw_stability_map(
         scales[0] * case.x_values,
@@ -228,6 +231,6 @@ def _draw(case: StabilityMapCase) -> MatplotlibFigure:
         ylabel=axis_label(case.y),
         design=(scales[0] * case.point[0], scales[1] * case.point[1]),
         limit=limit,
-        limit_label="highest stable gain",
+        limit_label=limit_label,
     )
     return figure
