@@ -8,13 +8,13 @@ matplotlib settings. Where the arrays come from is not known here.
 from __future__ import annotations
 
 from susp_ctrl.plotting.comparison import draw_changes, draw_order_error
+from susp_ctrl.plotting.delay_sweeps import draw_intervals, draw_unit_modulus
 from susp_ctrl.plotting.files import save_figure
 from susp_ctrl.plotting.frequency import draw_bode, draw_magnitude, frequency_axis
 from susp_ctrl.plotting.histories import draw_history, draw_road
+from susp_ctrl.plotting.regions import draw_stability_map, map_legend, map_picture
 from susp_ctrl.plotting.roots import draw_root_locus, draw_roots
 from susp_ctrl.plotting.search import draw_convergence, draw_detuning
-from susp_ctrl.plotting.stability import draw_intervals, draw_unit_modulus
-from susp_ctrl.plotting.stability_map import draw_stability_map, map_legend, map_picture
 from susp_ctrl.plotting.style import (
     axes_for,
     curve_style,

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from susp_ctrl.report.blocks import Section
 from susp_ctrl.report.sections.audit import audit_section
+from susp_ctrl.report.sections.delay_stability import stability_section
 from susp_ctrl.report.sections.frequency import frequency_section
 from susp_ctrl.report.sections.maps import maps_section
 from susp_ctrl.report.sections.pade import pade_section
 from susp_ctrl.report.sections.provenance import provenance_section
-from susp_ctrl.report.sections.stability import stability_section
 from susp_ctrl.report.sections.time import time_sections
 from susp_ctrl.report.sections.tuning import tuning_section
 from susp_ctrl.report.sections.vehicle import model_section, parameters_section
