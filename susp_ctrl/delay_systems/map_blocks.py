@@ -20,6 +20,9 @@ from susp_ctrl.delay_systems.map_segments import Segments
 from susp_ctrl.delay_systems.small_gain import small_gain_bands
 
 _ANGLES = 192
+# Largest distance of a chord from the curve, relative to the ranges, and rounds of halving to get there.
+_CHORD = 2e-5
+_ROUNDS = 6
 
 
 class _Blocks:
@@ -47,17 +50,19 @@ class _Blocks:
         return np.prod((1.0 - size2) / (1.0 + size2), axis=1)
 
 
-def trace_blocks(loop: LoopMatrices, owner: np.ndarray, delays: FloatArray, x: Axis, y: Axis) -> Segments:
+def trace_blocks(
+    loop: LoopMatrices, owner: np.ndarray, delays: FloatArray, x: Axis, y: Axis, fineness: int = 1
+) -> Segments:
     """Return the crossing curves over the first (`owner` 0) and the second delay (`owner` 1).
 
-    `owner` -1 marks channels of other delays, fixed at `delays`.
+    `owner` -1 marks channels of other delays, fixed at `delays`; the grid is `fineness` times finer than usual.
     """
     bands = small_gain_bands(loop)
     if bands.centre.size == 0:
         return Segments.joined([])
     blocks = _Blocks(loop, owner, delays)
-    omega = _frequencies(bands.centre, bands.half, max(x.high, y.high))
-    theta = np.linspace(0.0, 2.0 * np.pi, _ANGLES + 1)
+    omega = _frequencies(bands.centre, bands.half, max(x.high, y.high), fineness)
+    theta = np.linspace(0.0, 2.0 * np.pi, _ANGLES * fineness + 1)
     W, T = np.meshgrid(omega, theta[:-1] + 1e-7, indexing="ij")
     level = blocks.level(W.ravel(), T.ravel()).reshape(W.shape)
     level = np.hstack([level, level[:, :1]])
@@ -106,12 +111,12 @@ def _joined(edges: np.ndarray, points: FloatArray) -> np.ndarray:
     return np.vstack(pairs)
 
 
-def _frequencies(centre: FloatArray, half: FloatArray, longest: float) -> FloatArray:
+def _frequencies(centre: FloatArray, half: FloatArray, longest: float, fineness: int) -> FloatArray:
     """Frequencies in the bands, close enough for the resonances and for the turns of the delays."""
-    parts = np.clip(np.ceil(2.0 * half * longest / 0.15), 8, 400).astype(int)
+    parts = fineness * np.clip(np.ceil(2.0 * half * longest / 0.15), 8, 400).astype(int)
     grid = [c + h * np.linspace(-1.0, 1.0, n + 1) for c, h, n in zip(centre, half, parts, strict=True)]
     top = float((centre + half).max())
-    omega = np.unique(np.concatenate([*grid, np.geomspace(1e-4 * top, top, 60)]))
+    omega = np.unique(np.concatenate([*grid, np.geomspace(1e-4 * top, top, 60 * fineness)]))
     omega = omega[omega >= 1e-4 * top]
     return omega[np.append(True, np.diff(omega) > 1e-9 * omega[1:])]
 
@@ -142,6 +147,7 @@ def _unrolled(blocks: _Blocks, points: FloatArray, pairs: np.ndarray, x: Axis, y
     b[:, 1:] = a[:, 1:] + (b[:, 1:] - a[:, 1:] + np.pi) % (2.0 * np.pi) - np.pi
     flip = np.sum((b - a) * _tangent(blocks, 0.5 * (a + b)), axis=1) < 0.0
     a[flip], b[flip] = b[flip].copy(), a[flip].copy()
+    a, b = _refined(blocks, a, b, x, y)
     columns: list[np.ndarray] = []
     index = np.arange(len(a))
     for place, axis in ((1, x), (2, y)):
@@ -160,19 +166,81 @@ def _unrolled(blocks: _Blocks, points: FloatArray, pairs: np.ndarray, x: Axis, y
     )  # fmt: skip
 
 
+def _refined(
+    blocks: _Blocks, a: FloatArray, b: FloatArray, x: Axis, y: Axis
+) -> tuple[FloatArray, FloatArray]:
+    """Halve each piece until its middle is on the curve, as far as one sees it in the plane of the delays."""
+    longest = np.array([max(x.high, y.high), 1.0, 1.0])
+    done: list[tuple[FloatArray, FloatArray]] = []
+    for _ in range(_ROUNDS):
+        if len(a) == 0:
+            break
+        middle = 0.5 * (a + b)
+        point = _projected(blocks, middle, longest)
+        apart = np.linalg.norm((point - middle) * longest, axis=1)
+        # A step that long leads to another curve.
+        usable = np.isfinite(apart) & (apart < 0.3 * np.linalg.norm((b - a) * longest, axis=1))
+        split = usable & (_bend(a, b, point, x, y) > _CHORD)
+        done.append((a[~split], b[~split]))
+        a, b = (
+            np.concatenate([a[split], point[split]]), np.concatenate([point[split], b[split]])
+        )  # fmt: skip
+    done.append((a, b))
+    return np.concatenate([p for p, _ in done]), np.concatenate([q for _, q in done])
+
+
+def _bend(a: FloatArray, b: FloatArray, point: FloatArray, x: Axis, y: Axis) -> FloatArray:
+    """Return how far a point is from the chord in shares of the ranges, in the first and the last turn in sight."""
+    result = np.zeros(len(a))
+    for share in (0.0, 1.0):
+        places = []
+        for place, axis in ((1, x), (2, y)):
+            turn = (
+                2.0 * np.pi * np.floor((axis.low + share * (axis.high - axis.low)) * a[:, 0] / (2.0 * np.pi))
+            )
+            places.append([(p[:, place] + turn) / p[:, 0] / (axis.high - axis.low) for p in (a, b, point)])
+        (x0, x1, xp), (y0, y1, yp) = places
+        dx, dy = x1 - x0, y1 - y0
+        length = np.maximum(np.hypot(dx, dy), 1e-300)
+        result = np.maximum(result, np.abs(dx * (yp - y0) - dy * (xp - x0)) / length)
+    return result
+
+
+def _projected(blocks: _Blocks, points: FloatArray, scale: FloatArray) -> FloatArray:
+    """Return the nearest points of the curve, by Newton steps of least length."""
+    points = points.copy()
+    for _ in range(3):
+        value, gradient = _function(blocks, points)
+        J = np.stack([gradient.real, gradient.imag], axis=1) / scale
+        with np.errstate(all="ignore"):
+            G = J @ np.swapaxes(J, 1, 2)
+            det = G[:, 0, 0] * G[:, 1, 1] - G[:, 0, 1] ** 2
+            weights = -value[:, None] * np.column_stack([G[:, 1, 1], -G[:, 0, 1]]) / det[:, None]
+            step = np.einsum("pki,pk->pi", J, weights) / scale
+        points += np.where(np.isfinite(step), step, np.nan)
+        points = np.where(np.isfinite(points), points, 1.0)
+    return points
+
+
 def _tangent(blocks: _Blocks, points: FloatArray) -> FloatArray:
     """Return the direction of the curve in (omega, theta1, theta2) along which more roots lie to the right.
 
     It is the cross product of the gradients of real and imaginary part of the characteristic function; angles
     in place of delays leave the sense unchanged.
     """
+    gradient = _function(blocks, points)[1]
+    return np.cross(gradient.real, gradient.imag)
+
+
+def _function(blocks: _Blocks, points: FloatArray) -> tuple[FloatArray, ComplexArray]:
+    """Return the smallest singular value of ``I - P E``, which is real, and its derivatives as of u* (I - P E) v."""
     P = loop_samples(blocks.loop, points[:, 0])
     n, m = blocks.loop.n_states, blocks.loop.n_channels
     owner, fixed = blocks.owner, np.where(blocks.owner < 0, blocks.delays, 0.0)
     phase = np.where(owner == 0, points[:, 1:2], np.where(owner == 1, points[:, 2:3], points[:, :1] * fixed))
     E = np.exp(-1j * phase)
     T = np.eye(m) - P * E[:, None, :]
-    left, _, right = np.linalg.svd(T)
+    left, values, right = np.linalg.svd(T)
     u, v = left[:, :, -1].conj(), right[:, -1, :].conj()
     resolvent = np.linalg.inv(1j * points[:, 0, None, None] * np.eye(n) - blocks.loop.A)
     slope = -1j * blocks.loop.C @ resolvent @ resolvent @ blocks.loop.B
@@ -183,5 +251,4 @@ def _tangent(blocks: _Blocks, points: FloatArray) -> FloatArray:
 
     by_omega = -derivative(slope, Ev) + 1j * derivative(P, fixed * Ev)
     by_first, by_second = 1j * derivative(P, (owner == 0) * Ev), 1j * derivative(P, (owner == 1) * Ev)
-    gradient = np.stack([by_omega, by_first, by_second], axis=1)
-    return np.cross(gradient.real, gradient.imag)
+    return values[:, -1], np.stack([by_omega, by_first, by_second], axis=1)

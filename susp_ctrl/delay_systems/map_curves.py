@@ -216,7 +216,8 @@ def _repeated(
     for axis, values in ((plane.x, u), (plane.y, v)):
         first = values[:-1]
         ends.append((first, first + _wrapped(values[1:] - first) if axis.is_delay else values[1:]))
-    index = np.flatnonzero(np.isfinite(ends[0][0] + ends[0][1] + ends[1][0] + ends[1][1]) & (sense != 0.0))
+    finite = np.all([np.isfinite(end) for pair in ends for end in pair], axis=0)
+    index = np.flatnonzero(finite & (sense != 0.0))
     columns: list[np.ndarray] = []
     for axis, (a, b) in zip((plane.x, plane.y), ends, strict=True):
         if axis.is_delay:

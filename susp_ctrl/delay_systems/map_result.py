@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from susp_ctrl.delay_systems.lft import FloatArray
+from susp_ctrl.delay_systems.map_regions import MapRegions
 from susp_ctrl.delay_systems.map_segments import Segments
 from susp_ctrl.errors import InputError
 
@@ -27,11 +28,17 @@ class StabilityMap:
     x_range, y_range : (float, float)
         The rectangle.
     regions : pandas.DataFrame
-        ``unstable_roots``, ``area`` (share of the rectangle), ``x``, ``y`` (a point well inside) and ``counted``
-        (unstable roots counted there by the argument principle; -1 where not counted). Regions smaller than
-        1/240 of a range may be missing from the table; `unstable_roots` knows them.
+        ``unstable_roots`` (-1 where not known), ``area`` (share of the rectangle), ``x``, ``y`` (a point well
+        inside) and ``counted`` (unstable roots counted there by the argument principle; -1 where not counted).
+        Regions smaller than 1/240 of a range may be missing from the table; `unstable_roots` knows them.
     decided : bool
-        Whether the numbers agree with the independent counts.
+        Whether all numbers agree with the independent counts. If not, only regions in which all counts agree
+        with each other have a number, and all others -1.
+    axis_roots : tuple of float
+        Frequencies of roots that lie on the imaginary axis all over the rectangle (0 for a root at s = 0); with
+        any the loop is nowhere stable, and no region has a number.
+    message : str
+        Whether the numbers are confirmed, and if not why.
     design : (float, float)
         Where the system that was given lies.
     """
@@ -41,12 +48,38 @@ class StabilityMap:
     x_range: tuple[float, float]
     y_range: tuple[float, float]
     segments: Segments
-    reference: tuple[float, float, int]
-    known: bool
-    regions: pd.DataFrame
-    decided: bool
+    origin: tuple[float, float]
+    found: MapRegions
+    axis_roots: tuple[float, ...]
     mixed: bool
     design: tuple[float, float]
+
+    @property
+    def decided(self) -> bool:
+        """Whether all numbers agree with the independent counts."""
+        return self.found.decided and not self.axis_roots
+
+    @cached_property
+    def regions(self) -> pd.DataFrame:
+        """Regions, the largest first."""
+        table = self.found.table
+        return table.assign(unstable_roots=-1) if self.axis_roots else table
+
+    @property
+    def message(self) -> str:
+        """Whether the numbers are confirmed, and if not why."""
+        if self.axis_roots:
+            where = ", ".join(f"{omega:.6g}" for omega in self.axis_roots)
+            return (
+                f"nowhere stable: a root stays on the imaginary axis at {where} rad/s all over the rectangle"
+            )
+        if self.decided:
+            return "numbers agree with independent counts"
+        share = float(self.regions.loc[self.regions["unstable_roots"] < 0, "area"].sum())
+        return (
+            "the numbers that follow from the curves and independent counts differ, "
+            f"and on {100.0 * share:.3g} % of the rectangle the number is not known"
+        )
 
     @cached_property
     def curves(self) -> pd.DataFrame:
@@ -71,7 +104,7 @@ class StabilityMap:
         raise ValueError("a stability map has no truth value: ask for .unstable_roots(x, y) or .decided")
 
     def unstable_roots(self, x: ArrayLike, y: ArrayLike) -> np.ndarray:
-        """Return the number of unstable roots at points of the rectangle; arrays broadcast.
+        """Return the number of unstable roots at points of the rectangle, -1 where not known; arrays broadcast.
 
         Raises
         ------
@@ -79,11 +112,11 @@ class StabilityMap:
             A point outside the rectangle.
         """
         px, py, shape = self._points(x, y)
-        x0, y0, base = self.reference
-        if not self.known:
+        if self.axis_roots:
             return np.full(shape, -1)
+        x0, y0 = self.origin
         change = self.segments.crossed_up(x0, y0, py) + self.segments.crossed_across(x0, px, py)
-        return (base + change).reshape(shape)
+        return self.found.known_roots(px, py, change).reshape(shape)
 
     def distance(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Return the distance to the nearest crossing curve; arrays broadcast, inf where there is none.
@@ -130,7 +163,8 @@ class StabilityMap:
         head = [
             f"Stability map: {self.x_label} in {self.x_range}, {self.y_label} in {self.y_range}",
             f"  {len(self.regions)} regions, stable on {100.0 * stable:.3g} % of the rectangle; "
-            + ("numbers agree with independent counts" if self.decided else "NOT DECIDED: counts disagree"),
+            + ("" if self.decided else "NOT DECIDED: ")
+            + self.message,
         ]
         table = self.regions.head(8).to_string(index=False, float_format=lambda v: f"{v:.6g}")
         more = [] if len(self.regions) <= 8 else [f"  ... {len(self.regions) - 8} more"]

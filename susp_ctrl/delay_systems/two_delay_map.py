@@ -24,26 +24,22 @@ import warnings
 from typing import Any
 
 import numpy as np
-import pandas as pd
-import scipy.ndimage
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.argument_principle import count_unstable_roots
 from susp_ctrl.delay_systems.crossing_plane import Axis, CrossingPlane
-from susp_ctrl.delay_systems.delay_line import LoopMatrices, delay_line
+from susp_ctrl.delay_systems.delay_line import LoopMatrices, delay_line, roots_always_on_axis
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.lft import FloatArray
 from susp_ctrl.delay_systems.map_blocks import trace_blocks
 from susp_ctrl.delay_systems.map_curves import trace_curves
+from susp_ctrl.delay_systems.map_regions import Raster, map_regions
 from susp_ctrl.delay_systems.map_result import StabilityMap
 from susp_ctrl.delay_systems.map_segments import Segments
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
-# Raster on which connected regions are told apart, how many of them are counted independently, and how many
-# points along each axis besides.
-_RASTER = 240
-_CHECKED_REGIONS = 20
-_SPREAD = 4
+# Where curves are traced on a grid and counts do not confirm them, finer grids are tried.
+_FINENESS = (1, 2)
 
 
 def stability_map(
@@ -82,6 +78,11 @@ def stability_map(
     NeutralLoopError
         A loop that is neutral once its delays are positive.
 
+    Warns
+    -----
+    UndecidedStabilityWarning
+        Counts of unstable roots do not confirm the map as a whole; -1 stands where no number is known.
+
     Notes
     -----
     Channels of one signal each: closed form. Delays shared by several signals: the curves are traced numerically
@@ -93,73 +94,44 @@ def stability_map(
         validation.integer("channels", c, at_least=0, at_most=system.delays.size - 1) for c in channels
     ]
     problem = _Problem(system, numbers, x, y)
-    segments = problem.segments()
     low, high = np.array([x.low, y.low]), np.array([x.high, y.high])
-    raster = _Raster(low, high)
+    raster = Raster(low, high)
     origin = (low[0] + 0.381966 * (high[0] - low[0]), low[1] + 0.618034 * (high[1] - low[1]))
-    relative = segments.crossed_up(*origin, raster.y) + segments.crossed_across(origin[0], raster.x, raster.y)
-    place, area = raster.regions(relative)
-    # The widest region fixes the number: there the count is farthest from any curve.
-    first = place[0]
-    base = problem.count(float(raster.x[first]), float(raster.y[first]))
-    offset = 0 if base is None else base - int(relative[first])
-    regions, agreed = _checked(problem, raster, relative + offset, place, area)
-    # Along another way the same numbers must come out: a curve with a gap shows.
-    start = np.full_like(raster.x, origin[1])
-    other = segments.crossed_across(origin[0], raster.x, start) + segments.crossed_up(
-        raster.x, origin[1], raster.y
-    )
-    whole = bool(np.array_equal(other, relative))
-    decided = base is not None and agreed and whole and int(relative.min()) + offset >= 0
-    return StabilityMap(
+    for fineness in _FINENESS:
+        segments = problem.segments(fineness)
+        regions = map_regions(raster, *_changes(segments, origin, raster), problem.count)
+        if regions.decided or not problem.on_a_grid:
+            break
+    result = StabilityMap(
         x_label=problem.label(x),
         y_label=problem.label(y),
         x_range=(x.low, x.high),
         y_range=(y.low, y.high),
         segments=segments,
-        reference=(*origin, offset),
-        known=base is not None,
-        regions=regions,
-        decided=decided,
+        origin=origin,
+        found=regions,
+        axis_roots=problem.axis_roots(),
         mixed=x.kind != y.kind,
         design=problem.design(),
     )
+    if not result.decided:
+        warnings.warn(
+            f"stability map is undecided: {result.message}", UndecidedStabilityWarning, stacklevel=2
+        )
+    return result
 
 
-class _Raster:
-    """Points of the rectangle on which connected regions are told apart."""
-
-    def __init__(self, low: FloatArray, high: FloatArray) -> None:
-        share = (np.arange(_RASTER) + 0.5) / _RASTER
-        # Off the round numbers on which curves like to lie.
-        self.x = np.tile(low[0] + (high[0] - low[0]) * share, _RASTER)
-        self.y = np.repeat(low[1] + (high[1] - low[1]) * share, _RASTER)
-        self.clear = np.zeros(_RASTER**2)
-
-    def regions(self, number: np.ndarray) -> tuple[np.ndarray, FloatArray]:
-        """Return a point well inside each region of equal number, the widest region first, and its area."""
-        grid = number.reshape(_RASTER, _RASTER)
-        labels = np.zeros(grid.shape, dtype=int)
-        total = 0
-        for value in np.unique(grid):
-            own, found = scipy.ndimage.label(grid == value)
-            labels[own > 0] = own[own > 0] + total
-            total += found
-        edge = np.zeros(grid.shape, dtype=bool)
-        for axis in (0, 1):
-            change = np.diff(labels, axis=axis) != 0
-            before, after = ((slice(None, -1), slice(None)), (slice(1, None), slice(None)))
-            if axis == 1:
-                before, after = before[::-1], after[::-1]
-            edge[before] |= change
-            edge[after] |= change
-        clear = scipy.ndimage.distance_transform_edt(np.pad(~edge, 1, constant_values=True))[1:-1, 1:-1]
-        self.clear = clear.ravel()
-        inner = np.array(scipy.ndimage.maximum_position(clear, labels, np.arange(1, total + 1)))
-        place = inner[:, 0] * _RASTER + inner[:, 1]
-        area = np.bincount(labels.ravel() - 1, minlength=total) / labels.size
-        order = np.argsort(-self.clear[place], kind="stable")
-        return place[order], area[order]
+def _changes(
+    segments: Segments, origin: tuple[float, float], raster: Raster
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the change of roots to every raster point along two ways, which agree unless a curve has a gap."""
+    x0, y0 = origin
+    start_x, start_y = np.full_like(raster.x, x0), np.full_like(raster.y, y0)
+    up_first = segments.crossed_up(start_x, y0, raster.y) + segments.crossed_across(x0, raster.x, raster.y)
+    across_first = segments.crossed_across(x0, raster.x, start_y) + segments.crossed_up(
+        raster.x, y0, raster.y
+    )
+    return up_first, across_first
 
 
 def _axes(
@@ -199,6 +171,7 @@ class _Problem:
 
     def __init__(self, system: DelayLTI, numbers: list[int], x: Axis, y: Axis) -> None:
         self.system, self.numbers, self.x, self.y = system, numbers, x, y
+        self.on_a_grid = False
         self._free_gains = [axis for axis in (x, y) if not axis.is_delay]
 
     def at(self, x: float, y: float) -> DelayLTI:
@@ -214,6 +187,21 @@ class _Problem:
             warnings.simplefilter("ignore", UndecidedStabilityWarning)
             return count_unstable_roots(self.at(x, y))
 
+    def axis_roots(self) -> tuple[float, ...]:
+        """Return the frequencies of roots that lie on the axis all over the plane."""
+        found = []
+        for share in (np.array([0.2711, 0.6973]), np.array([0.8137, 0.3319])):
+            x, y = (a.low + s * (a.high - a.low) for a, s in zip((self.x, self.y), share, strict=True))
+            system = self.at(x, y)
+            direction = np.zeros(system.delays.size)
+            for axis in (self.x, self.y):
+                if axis.is_delay:
+                    direction[self.numbers[axis.channel]] = 1.0
+            start = np.where(direction != 0.0, 0.1 * system.delays, system.delays)
+            line = delay_line(system, direction * system.delays, start, 1.0)
+            found.append(set(np.round(roots_always_on_axis(line), 9)))
+        return tuple(sorted(float(omega) for omega in found[0] & found[1]))
+
     def design(self) -> tuple[float, float]:
         """Return the point of the plane at which the given system lies."""
         values = [
@@ -227,8 +215,8 @@ class _Problem:
         number = self.numbers[axis.channel]
         return f"delay {number + 1} (s)" if axis.is_delay else f"gain {number + 1}"
 
-    def segments(self) -> Segments:
-        """Trace all crossing curves."""
+    def segments(self, fineness: int = 1) -> Segments:
+        """Trace all crossing curves; `fineness` matters only where they are traced on a grid."""
         n = self.system.delays.size
         largest = self.system.gains.copy()
         unit = self.system.gains.copy()
@@ -252,8 +240,9 @@ class _Problem:
             return trace_curves(plane, strongest)
         if self._free_gains:
             raise InputError("a gain can be free only where every channel involved is one signal")
-        return trace_blocks(loop, np.where(owner == self.numbers[0], 0, np.where(owner == self.numbers[1], 1, -1)),
-                            delays, self.x, self.y)  # fmt: skip
+        self.on_a_grid = True
+        block = np.where(owner == self.numbers[0], 0, np.where(owner == self.numbers[1], 1, -1))
+        return trace_blocks(loop, block, delays, self.x, self.y, fineness)
 
     def _loop(self, gains: FloatArray) -> tuple[LoopMatrices, np.ndarray, FloatArray]:
         """Return the loop's channels, which delay each belongs to, and those delays."""
@@ -284,32 +273,3 @@ class _Problem:
             if tendency:
                 parts.append(Segments(points[:1], points[1:], np.array([2]), np.array([omega])))
         return Segments.joined(parts)
-
-
-def _checked(
-    problem: _Problem, raster: _Raster, number: np.ndarray, place: np.ndarray, area: FloatArray
-) -> tuple[pd.DataFrame, bool]:
-    """Count the roots of the widest regions independently; a region one point wide lies on a curve."""
-    counted = np.full(place.size, -1)
-    chosen = np.flatnonzero(raster.clear[place] > 1.0)[:_CHECKED_REGIONS]
-    agreed = True
-    for k in chosen:
-        count = problem.count(float(raster.x[place[k]]), float(raster.y[place[k]]))
-        counted[k] = -1 if count is None else count
-        agreed &= count is None or count == number[place[k]]
-    # Points spread over the whole rectangle as well: they find a curve that is missing altogether.
-    even = (_RASTER * (2 * np.arange(_SPREAD) + 1)) // (2 * _SPREAD)
-    for k in (even[:, None] * _RASTER + even).ravel():
-        if raster.clear[k] > 2.0:
-            count = problem.count(float(raster.x[k]), float(raster.y[k]))
-            agreed &= count is None or count == number[k]
-    table = pd.DataFrame(
-        {
-            "unstable_roots": number[place],
-            "area": area,
-            "x": raster.x[place],
-            "y": raster.y[place],
-            "counted": counted,
-        }
-    )
-    return table.sort_values("area", ascending=False, kind="stable").reset_index(drop=True), bool(agreed)
