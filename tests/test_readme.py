@@ -72,7 +72,9 @@ def test_quick_command_lines_run(clone: Path) -> None:
 @pytest.mark.slow
 def test_long_command_lines_run(clone: Path) -> None:
     for arguments in COMMANDS:
-        if arguments[0] in LONG:
+        if arguments[0] == "sweep":
+            invoke([*arguments, "--set", "sweep.samples=20"])
+        elif arguments[0] in LONG:
             invoke(arguments)
 
 

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from susp_ctrl.study.result import StudyRun, TuningRun
 
+_PAGE = 8.6  # inch; a higher figure would run off the page
+
 
 def tuning_section(run: StudyRun) -> Section | None:
     """Return the section on tuning, or None if the study tunes nothing."""
@@ -157,9 +159,9 @@ def _draw_detuning(run: StudyRun, search: TuningRun) -> MatplotlibFigure:
 def _convergence(run: StudyRun) -> MatplotlibFigure:
     from susp_ctrl.plotting import draw_convergence, new_figure
 
-    columns = min(len(run.tuning), 2)
+    columns = min(len(run.tuning), 2 if len(run.tuning) <= 6 else 3)
     rows = -(-len(run.tuning) // columns)
-    figure, axes = new_figure(rows, columns, height=0.3 + 2.5 * rows)
+    figure, axes = new_figure(rows, columns, height=min(0.3 + 2.5 * rows, _PAGE))
     for ax, search in zip(axes.flat, run.tuning, strict=False):
         curves = {"best so far": search.history["best"].to_numpy()}
         if "mean" in search.history:
