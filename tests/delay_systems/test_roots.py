@@ -102,7 +102,7 @@ def test_half_car_passive_and_undelayed_roots():
 @pytest.mark.literature
 @pytest.mark.parametrize("design", PUBLISHED)
 def test_half_car_with_published_delays(design):
-    """Recomputed from eq. (1) by an independent program, five decimals; every root a zero of the 4x4 oracle; the package's own car agrees."""
+    """From eq. (1), five decimals; every root a zero of the 4x4 oracle; the package's own car agrees."""
     gains, delays, rightmost = PUBLISHED[design]
     found = sc.characteristic_roots(half_car(gains, delays), count=20)
     assert abs(found[0] - rightmost) < 6e-6

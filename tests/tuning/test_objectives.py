@@ -87,7 +87,7 @@ def test_road_rms_with_300_points_against_20000():
 
 @pytest.mark.literature
 def test_road_rms_of_the_passive_car():
-    """Independent recomputation from the PSD: 0.9291 m/s2 and 0.7078 rad/s2 on class C at 20 m/s; doubling per class."""
+    """Recomputed from the PSD: 0.9291 m/s2 and 0.7078 rad/s2 on class C at 20 m/s; doubling per class."""
     for name, sigma in (("body_acceleration", 0.9291), ("pitch_acceleration", 0.7078)):
         for iso_class, factor in (("C", 1.0), ("D", 2.0)):
             rough = RandomRoad(iso_class=iso_class, speed=20.0)
