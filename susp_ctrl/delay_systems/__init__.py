@@ -21,7 +21,7 @@ from susp_ctrl.delay_systems.margins import StabilityMargins, stability_margins
 from susp_ctrl.delay_systems.norms import h2_norm, hinf_norm, output_rms
 from susp_ctrl.delay_systems.pade import pade_approximation, pade_order
 from susp_ctrl.delay_systems.response import SimulationResponse
-from susp_ctrl.delay_systems.root_locus import RootLocus, root_locus
+from susp_ctrl.delay_systems.root_loci import RootLocus, root_locus
 from susp_ctrl.delay_systems.roots import characteristic_roots, spectral_abscissa
 from susp_ctrl.delay_systems.simulation import simulate, simulate_many
 from susp_ctrl.delay_systems.sinusoidal import steady_response
