@@ -9,6 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
+from scipy.sparse.csgraph import connected_components
 
 from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray, Realization
 from susp_ctrl.errors import InputError, NeutralLoopError
@@ -44,7 +46,9 @@ def fold(plant: Realization, gains: FloatArray, delays: FloatArray) -> FoldedLoo
         return FoldedLoop(Realization(*closed, *direct), delays[kept])
     around = np.eye(int(instant.sum())) - D22[np.ix_(instant, instant)]
     if np.linalg.cond(around) > 1e14:
-        raise InputError("the channels without delay form an algebraic loop with unit gain: no solution exists")
+        raise InputError(
+            "the channels without delay form an algebraic loop with unit gain: no solution exists"
+        )
     from_state = np.linalg.solve(around, plant.C2[instant])
     from_input = np.linalg.solve(around, plant.D21[instant])
     from_delayed = np.linalg.solve(around, D22[np.ix_(instant, kept)])
@@ -68,19 +72,33 @@ def fold(plant: Realization, gains: FloatArray, delays: FloatArray) -> FoldedLoo
 def refuse_neutral(loop: FoldedLoop) -> None:
     """Raise unless ``det(I - D22 E) = 1`` for all delays: no direct path leads around the loop.
 
-    The determinant is one for every E exactly when every cycle of D22 has zero weight, which random points of
-    the torus tell apart from any other polynomial in E.
+    Only signals that lie on a common cycle of non-zero entries matter, one set of them at a time: a chain of direct
+    paths, however large its entries, is no loop.
     """
     D22 = loop.plant.D22
-    channels = D22.shape[0]
     if not np.any(D22):
         return
+    _, component = connected_components(D22 != 0.0, directed=True, connection="strong")
+    for k in np.unique(component):
+        members = component == k
+        if np.any(D22[np.ix_(members, members)]) and _feeds_around(D22[np.ix_(members, members)]):
+            raise NeutralLoopError(
+                "the loop is neutral: a delayed signal feeds through directly around the loop (for example "
+                "delayed acceleration feedback), so no delay is too small to destabilise it; give the channel an "
+                "actuator_bandwidth, which makes it retarded"
+            )
+
+
+def _feeds_around(D: FloatArray) -> bool:
+    """Tell whether cycles have more weight than rounding.
+
+    The determinant is one for every E exactly when every cycle of D has zero weight, which random points of the
+    torus tell apart from any other polynomial in E. Scaling the signals evens the entries and changes no cycle.
+    """
+    channels = D.shape[0]
+    _, (scale, _) = scipy.linalg.matrix_balance(np.abs(D), permute=False, separate=True)
+    even = D * scale / scale[:, None]
     phases = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, (8, channels))
-    determinant = np.linalg.det(np.eye(channels) - D22 * np.exp(1j * phases)[:, None, :])
-    scale = np.linalg.det(np.eye(channels) + np.abs(D22)) if channels < 12 else 1.0 + np.abs(D22).sum()
-    if np.any(np.abs(determinant - 1.0) > 1e-12 * max(1.0, abs(scale))):
-        raise NeutralLoopError(
-            "the loop is neutral: a delayed signal feeds through directly around the loop (for example "
-            "delayed acceleration feedback), so no delay is too small to destabilise it; give the channel an "
-            "actuator_bandwidth, which makes it retarded"
-        )
+    determinant = np.linalg.det(np.eye(channels) - even * np.exp(1j * phases)[:, None, :])
+    size = np.linalg.det(np.eye(channels) + np.abs(even)) if channels < 12 else 1.0 + np.abs(even).sum()
+    return bool(np.any(np.abs(determinant - 1.0) > 1e-12 * max(1.0, abs(size))))
