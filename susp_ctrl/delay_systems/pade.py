@@ -34,6 +34,7 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.lft import FloatArray
+from susp_ctrl.delay_systems.transfer_functions import state_space
 from susp_ctrl.errors import InputError, PadeOrderWarning
 
 if TYPE_CHECKING:
@@ -69,7 +70,8 @@ def pade_approximation(
     Returns
     -------
     control.StateSpace
-        Inputs and outputs as in `sys`; its states are those of `sys`, then `order` for each delayed signal.
+        Inputs and outputs as in `sys` (one ``idle`` input if it has none); its states are those of `sys`, then
+        `order` for each delayed signal.
 
     Raises
     ------
@@ -173,6 +175,7 @@ def close_bank(sys: DelayLTI, bank: DelayBank, names: Sequence[str]) -> control.
     Returns
     -------
     control.StateSpace
+        With one input ``idle`` that acts on nothing if `sys` has no input.
     """
     r = sys.realization
     around = np.eye(r.n_channels) - r.D22 @ bank.D
@@ -189,13 +192,13 @@ def close_bank(sys: DelayLTI, bank: DelayBank, names: Sequence[str]) -> control.
     output[:, :n] += r.C1
     output[:, output.shape[1] - q :] += r.D11
     total = state.shape[0]
-    return control.StateSpace(
+    return state_space(
         state[:, :total],
         state[:, total:],
         output[:, :total],
         output[:, total:],
-        inputs=list(sys.input_labels),
-        outputs=list(sys.output_labels),
+        inputs=sys.input_labels,
+        outputs=sys.output_labels,
         states=[*sys.state_labels, *names],
     )
 

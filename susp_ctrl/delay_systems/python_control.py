@@ -15,6 +15,7 @@ import numpy as np
 from control.lti import LTI
 from numpy.typing import ArrayLike
 
+from susp_ctrl import validation
 from susp_ctrl.delay_systems.discretization import spectral_approximation
 from susp_ctrl.delay_systems.pade import close_bank, pade_approximation, pade_bank
 from susp_ctrl.errors import InputError
@@ -38,6 +39,16 @@ class PythonControlMethods:
             Highest frequency (rad/s) that matters; a `PadeOrderWarning` tells where the order is too low.
         """
         return pade_approximation(self._system, order, omega_max)
+
+    def spectral(self, order: int | Sequence[int]) -> control.StateSpace:
+        """Return the spectral approximation as a `control.StateSpace`; see `spectral_approximation`.
+
+        Parameters
+        ----------
+        order : int or sequence of int
+            Points of the transport line of all delays, or of each; 1 to 400.
+        """
+        return spectral_approximation(self._system, order)
 
     # ------------------------------------------------------------------------------------------- conversions
 
@@ -212,11 +223,7 @@ class PythonControlMethods:
     def _frequencies(self, omega: ArrayLike | None) -> np.ndarray:
         from susp_ctrl.delay_systems.frequency_range import default_frequencies
 
-        return (
-            default_frequencies(self._system)
-            if omega is None
-            else np.atleast_1d(np.asarray(omega, dtype=float))
-        )
+        return default_frequencies(self._system) if omega is None else validation.vector("omega", omega)
 
 
 def _own_figure(options: dict[str, Any]) -> dict[str, Any]:
@@ -226,13 +233,3 @@ def _own_figure(options: dict[str, Any]) -> dict[str, Any]:
 
         fresh_figure()
     return options
-
-    def spectral(self, order: int | Sequence[int]) -> control.StateSpace:
-        """Return the spectral approximation as a `control.StateSpace`; see `spectral_approximation`.
-
-        Parameters
-        ----------
-        order : int or sequence of int
-            Points of the transport line of all delays, or of each; 1 to 400.
-        """
-        return spectral_approximation(cast("DelayLTI", self), order)

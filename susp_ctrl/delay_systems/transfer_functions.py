@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import control
 import numpy as np
 
@@ -54,3 +56,21 @@ def state_space_of(system: control.TransferFunction, name: str = "system") -> co
     return control.StateSpace(
         A, B, C, D, inputs=system.input_labels, outputs=system.output_labels, name=system.name
     )
+
+
+def state_space(
+    A: np.ndarray,
+    B: np.ndarray,
+    C: np.ndarray,
+    D: np.ndarray,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    states: Sequence[str],
+) -> control.StateSpace:
+    """Return a `control.StateSpace`; a system without inputs gets one named ``idle`` that acts on nothing.
+
+    python-control cannot hold a system without inputs.
+    """
+    if not inputs:
+        B, D, inputs = np.zeros((A.shape[0], 1)), np.zeros((C.shape[0], 1)), ["idle"]
+    return control.StateSpace(A, B, C, D, inputs=list(inputs), outputs=list(outputs), states=list(states))
