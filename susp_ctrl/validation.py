@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Sequence
-from numbers import Integral, Real
+from collections.abc import Iterable, Mapping, Sequence, Set
+from numbers import Integral, Number, Real
 from typing import Any
 
 import numpy as np
@@ -98,6 +98,23 @@ def matrix(name: str, value: ArrayLike, *, rows: int | None = None, columns: int
     return result
 
 
+def sequence(name: str, value: Any) -> Sequence[Any]:
+    """Return `value` as a list if it is a list, a tuple, an array or another finite collection in order."""
+    if isinstance(value, np.ndarray) and value.ndim:
+        return list(value)
+    if isinstance(value, Iterable) and not isinstance(value, (str, bytes, Mapping, Set, np.ndarray)):
+        return list(value)
+    raise InputError(f"{name} = {value!r} is not allowed: a sequence is needed")
+
+
+def complex_array(name: str, value: ArrayLike) -> NDArray[np.complex128]:
+    """Return `value` as an array of complex numbers of any shape; nan and infinity pass."""
+    try:
+        return np.asarray(_numbers(value), dtype=complex)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value!r} is not allowed: numbers are needed") from None
+
+
 def increasing(name: str, value: ArrayLike, *, at_least: float | None = None) -> FloatArray:
     """Return `value` as a finite, strictly increasing, non-empty float array."""
     result = vector(name, value, at_least=at_least)
@@ -136,10 +153,34 @@ def random_generator(seed: Any, name: str = "seed") -> np.random.Generator:
 
 def _real(value: ArrayLike) -> FloatArray:
     """Return a float array; numpy would drop imaginary parts with a warning only."""
-    array = np.asarray(value)
+    array = _numbers(value)
     if np.iscomplexobj(array):
         raise TypeError("complex numbers")
     return array.astype(float)
+
+
+def _numbers(value: ArrayLike) -> NDArray[Any]:
+    """Return an array of numbers; numpy would read strings and take truth values for numbers."""
+    array = np.asarray(value)
+    if array.dtype.kind == "O":
+        if not all(
+            isinstance(entry, Number) and not isinstance(entry, (bool, np.bool_)) for entry in array.flat
+        ):
+            raise TypeError("no numbers")
+        array = array.astype(complex if any(isinstance(entry, complex) for entry in array.flat) else float)
+    elif array.dtype.kind not in "iufc":
+        raise TypeError("no numbers")
+    elif isinstance(value, (list, tuple)) and _has_truth_values(value):
+        raise TypeError("truth values")
+    return array
+
+
+def _has_truth_values(value: Sequence[Any]) -> bool:
+    """Among other numbers numpy turns them into 0 and 1."""
+    return any(
+        _has_truth_values(entry) if isinstance(entry, (list, tuple)) else isinstance(entry, (bool, np.bool_))
+        for entry in value
+    )
 
 
 def _nearest(value: Any, words: Sequence[str]) -> str:

@@ -24,7 +24,13 @@ from numpy.typing import ArrayLike
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.lft import FloatArray, Realization
-from susp_ctrl.delay_systems.signal_names import are_generic, name_list, names_together, positions
+from susp_ctrl.delay_systems.signal_names import (
+    are_generic,
+    checked_names,
+    name_list,
+    names_together,
+    positions,
+)
 from susp_ctrl.errors import InputError
 
 
@@ -166,6 +172,10 @@ def feedback(sys1: Any, sys2: Any = 1, sign: float = -1, **names: Any) -> DelayL
         Delayed feed-through around the loop, for example ``feedback(delay(1), 0.5)``.
     """
     weight = validation.number("sign", sign)
+    if abs(weight) != 1.0:
+        raise InputError(
+            f"sign = {weight:g} is not allowed: -1 (negative feedback) or 1 (positive) is needed"
+        )
     forward, back = as_delay_lti(sys1, "sys1"), as_delay_lti(sys2, "sys2")
     if back.issiso() and back.nstates == 0 and not forward.issiso():
         back = _repeated(back, forward.noutputs)
@@ -356,10 +366,7 @@ def _repeated(sys: DelayLTI, times: int) -> DelayLTI:
 
 
 def _renamed(sys: DelayLTI, names: dict[str, Any]) -> DelayLTI:
-    unknown = set(names) - {"inputs", "outputs", "states", "name"}
-    if unknown:
-        raise InputError(f"{sorted(unknown)[0]} is not allowed: inputs, outputs, states and name are")
-    labels = {k: name_list(v) if k != "name" else v for k, v in names.items() if v is not None}
+    labels = {k: v for k, v in checked_names(names).items() if v is not None}
     return sys.with_names(**labels) if labels else sys
 
 

@@ -60,14 +60,14 @@ class FeedbackChannel:
         return replace(self, **changes)
 
 
-def loop_plant(plant: Any, channels: Sequence[FeedbackChannel]) -> Realization:
+def loop_plant(plant: Any, channels: FeedbackChannel | Sequence[FeedbackChannel]) -> Realization:
     """Return the undelayed plant P of a loop: inputs ``[u; w]``, outputs ``[y; z]``, without gains and delays.
 
     Parameters
     ----------
     plant : control.StateSpace, control.TransferFunction or DelayLTI
         The plant; delayed signals that it already has come first in w and z.
-    channels : sequence of FeedbackChannel
+    channels : FeedbackChannel or sequence of FeedbackChannel
         Only their signals and actuator bandwidths are used.
 
     Returns
@@ -88,7 +88,9 @@ def loop_plant(plant: Any, channels: Sequence[FeedbackChannel]) -> Realization:
     return r
 
 
-def close_loop(plant: Any, channels: Sequence[FeedbackChannel], *, name: str | None = None) -> DelayLTI:
+def close_loop(
+    plant: Any, channels: FeedbackChannel | Sequence[FeedbackChannel], *, name: str | None = None
+) -> DelayLTI:
     """Close delayed feedback channels around a plant.
 
     The result keeps the plant's inputs and outputs; each channel adds ``gain * measured(t - delay)`` to its
@@ -98,8 +100,8 @@ def close_loop(plant: Any, channels: Sequence[FeedbackChannel], *, name: str | N
     ----------
     plant : control.StateSpace, control.TransferFunction or DelayLTI
         Continuous-time plant with named signals.
-    channels : sequence of FeedbackChannel
-        Any number; the same signal may be fed back through several delays.
+    channels : FeedbackChannel or sequence of FeedbackChannel
+        One or any number; the same signal may be fed back through several delays.
     name : str, optional
         Name of the closed loop.
 
@@ -132,7 +134,9 @@ def close_loop(plant: Any, channels: Sequence[FeedbackChannel], *, name: str | N
     )
 
 
-def open_loop(plant: Any, channels: Sequence[FeedbackChannel], *, name: str | None = None) -> DelayLTI:
+def open_loop(
+    plant: Any, channels: FeedbackChannel | Sequence[FeedbackChannel], *, name: str | None = None
+) -> DelayLTI:
     """Break the loop at the actuators: margins and Nyquist plots of the result read as usual.
 
     ``L(s)`` maps the forces that act on the plant to minus the forces that the channels return, so that the
@@ -142,7 +146,7 @@ def open_loop(plant: Any, channels: Sequence[FeedbackChannel], *, name: str | No
     ----------
     plant : control.StateSpace, control.TransferFunction or DelayLTI
         Continuous-time plant with named signals.
-    channels : sequence of FeedbackChannel
+    channels : FeedbackChannel or sequence of FeedbackChannel
         The channels of the loop.
     name : str, optional
         Name of the open loop.
@@ -200,8 +204,12 @@ def _label(signal: str | int) -> str:
     return signal if isinstance(signal, str) else f"input[{signal}]"
 
 
-def _checked(channels: Sequence[FeedbackChannel]) -> list[FeedbackChannel]:
-    paths = list(channels)
+def _checked(channels: FeedbackChannel | Sequence[FeedbackChannel]) -> list[FeedbackChannel]:
+    paths = (
+        [channels]
+        if isinstance(channels, FeedbackChannel)
+        else list(validation.sequence("channels", channels))
+    )
     for k, channel in enumerate(paths):
         if not isinstance(channel, FeedbackChannel):
             raise InputError(f"channels[{k}] is a {type(channel).__name__}: a FeedbackChannel is needed")

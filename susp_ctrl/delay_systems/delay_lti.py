@@ -31,8 +31,9 @@ from susp_ctrl.delay_systems.lft import ComplexArray, FloatArray, Realization
 from susp_ctrl.delay_systems.loop_response import loop_response
 from susp_ctrl.delay_systems.operators import DelayOperators
 from susp_ctrl.delay_systems.python_control import PythonControlMethods
+from susp_ctrl.delay_systems.signal_names import checked_names, signal_labels, system_name
 from susp_ctrl.delay_systems.state_delays import state_delay_realization
-from susp_ctrl.delay_systems.transfer_functions import state_space_of
+from susp_ctrl.delay_systems.transfer_functions import state_space, state_space_of
 from susp_ctrl.errors import InputError
 
 
@@ -85,7 +86,7 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         blocks = (
             [1] * tau.size
             if widths is None
-            else [validation.integer("widths", w, at_least=0) for w in widths]
+            else [validation.integer("widths", w, at_least=0) for w in validation.sequence("widths", widths)]
         )
         if len(blocks) != tau.size:
             raise InputError(f"widths has {len(blocks)} entries: one for each of {tau.size} delays is needed")
@@ -100,10 +101,10 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         if realization.n_channels != channels:
             raise InputError(f"plant has {realization.n_channels} delayed signals: {channels} are needed")
         super().__init__(
-            inputs=realization.n_inputs if inputs is None else list(inputs),
-            outputs=realization.n_outputs if outputs is None else list(outputs),
-            states=realization.n_states if states is None else list(states),
-            name=name,
+            inputs=signal_labels("inputs", inputs, realization.n_inputs),
+            outputs=signal_labels("outputs", outputs, realization.n_outputs),
+            states=signal_labels("states", states, realization.n_states),
+            name=system_name(name),
             dt=0,
         )
         for array in (tau, g):
@@ -150,7 +151,7 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
             Shapes or numbers that do not fit.
         """
         plant, tau, widths = state_delay_realization(A, delays, B, C, D, input_terms)
-        return cls(plant, tau, widths=widths, **names)
+        return cls(plant, tau, widths=widths, **checked_names(names))
 
     @property
     def realization(self) -> Realization:
@@ -177,7 +178,7 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         """The undelayed plant P as a `control.StateSpace` with inputs ``[u; w]`` and outputs ``[y; z]``."""
         r = self._realization
         channel = [f"delayed[{k}]" for k in range(r.n_channels)]
-        return control.StateSpace(
+        return state_space(
             r.A,
             np.hstack([r.B1, r.B2]),
             np.vstack([r.C1, r.C2]),
@@ -222,7 +223,7 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
 
     def with_names(self, **names: Any) -> DelayLTI:
         """Return the same system with other ``inputs``, ``outputs``, ``states`` or ``name``."""
-        return self._with(**names)
+        return self._with(**checked_names(names))
 
     @cached_property
     def channel_delays(self) -> FloatArray:
@@ -261,7 +262,7 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         -------
         complex or ndarray of complex
         """
-        points = np.atleast_1d(np.asarray(x, dtype=complex))
+        points = np.atleast_1d(validation.complex_array("x", x))
         loop = self.folded
         values = np.moveaxis(loop_response(loop.plant, points, loop.exponentials(points)), 0, -1)
         if np.ndim(x) == 0:

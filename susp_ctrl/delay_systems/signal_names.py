@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 from typing import Any
 
@@ -18,6 +18,39 @@ _GENERIC_LABEL = re.compile(r"[uyx]\[\d+\]")
 def name_list(names: str | Sequence[str] | None) -> Sequence[str] | None:
     """Return one name as a list of one."""
     return [names] if isinstance(names, str) else names
+
+
+def checked_names(names: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keywords ``inputs``, ``outputs``, ``states``, ``name``; any other is refused."""
+    for key in names:
+        validation.one_of("keyword", key, ("inputs", "outputs", "states", "name"))
+    return dict(names)
+
+
+def signal_labels(kind: str, names: Any, count: int) -> int | list[str]:
+    """Return one name for each of `count` signals, or their number where none are given.
+
+    Raises
+    ------
+    InputError
+        Not as many names as signals, or something that is no name.
+    """
+    if names is None:
+        return count
+    given = validation.sequence(kind, name_list(names))
+    for k, name in enumerate(given):
+        if not isinstance(name, str):
+            raise InputError(f"{kind}[{k}] = {name!r} is not allowed: a name is needed")
+    if len(given) != count:
+        raise InputError(f"{kind} has {len(given)} names: one for each of {count} {kind} is needed")
+    return list(given)
+
+
+def system_name(name: Any) -> str | None:
+    """Return the name of a system."""
+    if name is not None and not isinstance(name, str):
+        raise InputError(f"name = {name!r} is not allowed: a string is needed")
+    return name
 
 
 def are_generic(labels: Sequence[str]) -> bool:

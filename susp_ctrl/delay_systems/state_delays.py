@@ -11,6 +11,7 @@ on one state costs one delayed signal.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,6 +50,7 @@ def state_delay_realization(
     """
     if isinstance(A, np.ndarray) and A.ndim == 2:
         raise InputError("A is one matrix: a sequence [A0, A1, ...] is needed")
+    A = validation.sequence("A", A)
     if len(A) == 0:
         raise InputError("A is empty: a sequence [A0, A1, ...] is needed")
     tau = validation.vector("delays", delays, at_least=0.0)
@@ -56,14 +58,10 @@ def state_delay_realization(
         raise InputError(
             f"delays has {tau.size} entries: one for each of the {len(A) - 1} matrices A[1:] is needed"
         )
-    n = np.atleast_2d(np.asarray(A[0])).shape[0]
+    n = validation.matrix("A[0]", A[0]).shape[0]
     matrices = [validation.matrix(f"A[{k}]", m, rows=n, columns=n) for k, m in enumerate(A)]
     delayed_inputs = [
-        (
-            validation.matrix(f"input_terms[{j}]", Bj, rows=n),
-            validation.number(f"input_terms[{j}] delay", d, at_least=0.0),
-        )
-        for j, (Bj, d) in enumerate(input_terms)
+        _input_term(j, term, n) for j, term in enumerate(validation.sequence("input_terms", input_terms))
     ]
     if B is not None:
         B1 = validation.matrix("B", B, rows=n)
@@ -92,6 +90,16 @@ def state_delay_realization(
         D22=np.zeros((channels, channels)),
     )
     return realization, np.append(tau, [d for _, d in delayed_inputs]), widths
+
+
+def _input_term(j: int, term: Any, n: int) -> tuple[FloatArray, float]:
+    pair = validation.sequence(f"input_terms[{j}]", term)
+    if len(pair) != 2:
+        raise InputError(f"input_terms[{j}] has {len(pair)} entries: a pair (matrix, delay) is needed")
+    return (
+        validation.matrix(f"input_terms[{j}]", pair[0], rows=n),
+        validation.number(f"input_terms[{j}] delay", pair[1], at_least=0.0),
+    )
 
 
 def _rank_factors(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
