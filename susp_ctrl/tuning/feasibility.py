@@ -21,15 +21,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from susp_ctrl.delay_systems import small_gain_supremum
 from susp_ctrl.delay_systems.lft import Realization, return_determinant, sample_plant
 from susp_ctrl.errors import InputError
+from susp_ctrl.tuning.counting_grid import counting_grid
 from susp_ctrl.tuning.sampling import channel_exponentials, frequencies_contiguous
-from susp_ctrl.tuning.small_gain import SmallGain, search_small_gain
 
 FloatArray = NDArray[np.float64]
 
@@ -41,6 +42,18 @@ STEP = 0.5
 # The chords of the finest grid are shorter than the curve they replace.
 CHORD_ALLOWANCE = 1.02
 UNDECIDED = 0.5
+
+
+class SmallGain(NamedTuple):
+    """Largest ``rho(|P22(jw)| diag(limits))`` and its frequency (rad/s).
+
+    Below one every design within the limits is stable whatever its delays (for a stable plant): the eigenvalues of
+    ``P22 E`` stay inside the unit circle (Perron-Frobenius), so no root can reach the axis while the gains grow
+    from zero.
+    """
+
+    supremum: float
+    omega: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +131,7 @@ class StabilityTest:
         limits = gain_limits * np.exp(decay * delay_limits * (1.0 + delay_tolerance))
         # |arg f| <= m asin(radius) stays below a quarter turn up to this level.
         level = 0.98 * np.sin(np.pi / (2 * max(channels, 1)))
-        self.corner: SmallGain = search_small_gain(self._plant, limits, level)
+        self.corner = SmallGain(*small_gain_supremum(self._plant, limits))
         self.proven = self.plant_stable and self.corner.supremum < 1.0
         if self.proven:
             return
@@ -225,7 +238,7 @@ class StabilityTest:
         return result
 
     def _tabulate(self, limits: FloatArray, delay_limits: FloatArray, level: float) -> None:
-        grid, radius = self.corner.grid, self.corner.radius
+        grid, radius = counting_grid(self._plant, limits, level)
         minors = self._minors(sample_plant(self._plant, 1j * grid).p22)
         weight = np.array([limits[s].prod() for s in self._sets])[:, None]
         delay = np.array([delay_limits[s].sum() for s in self._sets])[:, None]

@@ -15,10 +15,9 @@ from susp_ctrl.delay_systems import spectral_abscissa
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.errors import InputError
-from susp_ctrl.tuning.feasibility import StabilityTest
+from susp_ctrl.tuning.feasibility import SmallGain, StabilityTest
 from susp_ctrl.tuning.objectives import BoundObjective, Objective
 from susp_ctrl.tuning.sampling import ControlledPlant
-from susp_ctrl.tuning.small_gain import SmallGain
 
 FloatArray = NDArray[np.float64]
 

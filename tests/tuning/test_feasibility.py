@@ -11,8 +11,8 @@ from tuning.tuning_case import PAIRS, random_designs
 from susp_ctrl.delay_systems import FeedbackChannel, loop_plant
 from susp_ctrl.delay_systems.lft import Realization
 from susp_ctrl.errors import InputError
+from susp_ctrl.tuning.counting_grid import counting_grid
 from susp_ctrl.tuning.feasibility import StabilityTest
-from susp_ctrl.tuning.small_gain import perron_radius
 from susp_ctrl.vehicle import HalfCar
 
 
@@ -47,12 +47,17 @@ def winding(gains, delays, line=0.0, corner=2000.0):
 
 
 @pytest.mark.analytical
-def test_perron_radius_against_eigenvalues():
-    rng = np.random.default_rng(0)
-    for m in (1, 2, 3):
-        matrices = rng.random((20, m, m))
-        expected = np.abs(np.linalg.eigvals(matrices)).max(axis=-1)
-        np.testing.assert_allclose(perron_radius(matrices), expected, rtol=1e-12)
+def test_radius_on_the_counting_grid_against_eigenvalues():
+    plant, limits = half_car(), np.array([34000.0, 44000.0])
+    grid, radius = counting_grid(plant, limits, 0.5)
+    assert grid[0] == 0.0
+    for k in range(0, grid.size, 400):
+        size = np.abs(
+            plant.C2 @ np.linalg.solve(1j * grid[k] * np.eye(plant.n_states) - plant.A, plant.B2) + plant.D22
+        )
+        expected = np.abs(np.linalg.eigvals(size * limits)).max()
+        assert radius[k] == pytest.approx(expected, rel=1e-9)
+    assert radius[-1] < 0.5
 
 
 @pytest.mark.literature
