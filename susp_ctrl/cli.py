@@ -102,7 +102,10 @@ def report(
     ] = None,
     html: Html = False,
 ) -> None:
-    """Write a report again from the results that `run --keep-results` stored, without computing."""
+    """Write a report again from the results that `run --keep-results` stored, without running the study.
+
+    Only what a click on a map of the HTML page shows is computed then, as in any run with --html.
+    """
     with _one_line_errors():
         from susp_ctrl.report import StudyResult, check_folder
         from susp_ctrl.study.storage import read_run

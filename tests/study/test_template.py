@@ -64,7 +64,7 @@ def test_every_key_of_the_schema_stands_in_the_template():
     assert missing <= {"bins"}
 
 
-@pytest.mark.parametrize("pattern", [r"^# (?=\w+ = )", r"^# ( {4}|(?=box)|(?=\]))"])
+@pytest.mark.parametrize("pattern", [r"^# (?=\w+ = |\[\[)", r"^# ( {4}|(?=box)|(?=\]))"])
 def test_commented_keys_are_right_too(tmp_path, pattern):
     path = tmp_path / "template.toml"
     text = re.sub(pattern, "", TEXT, flags=re.MULTILINE)
