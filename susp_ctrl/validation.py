@@ -37,7 +37,9 @@ def number(
     ]
     allowed = [limit for limit in limits if limit is not None]
     wanted = "a finite number" + "".join(f", {text}" for text, _ in allowed)
-    scalar = isinstance(value, Real) or (isinstance(value, np.ndarray) and value.size == 1)
+    scalar = isinstance(value, Real) or (
+        isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "iuf"
+    )
     if isinstance(value, bool) or not scalar:
         raise InputError(f"{name} = {value!r} is not allowed: {wanted} is needed")
     result = float(np.asarray(value, dtype=float).reshape(()))

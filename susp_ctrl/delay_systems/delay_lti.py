@@ -324,7 +324,7 @@ def as_delay_lti(system: Any, name: str = "system") -> DelayLTI:
     if isinstance(system, control.StateSpace):
         return DelayLTI(system, name=system.name)
     number_like = isinstance(system, (int, float, np.number, np.ndarray, list, tuple))
-    if number_like and not isinstance(system, bool) and not np.iscomplexobj(system):
+    if number_like and not isinstance(system, bool):
         D: NDArray[np.float64] = validation.matrix(name, system)
         return DelayLTI(
             control.StateSpace(np.zeros((0, 0)), np.zeros((0, D.shape[1])), np.zeros((D.shape[0], 0)), D)

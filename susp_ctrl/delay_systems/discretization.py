@@ -69,13 +69,14 @@ def spectral_approximation(sys: DelayLTI, order: int | Sequence[int]) -> control
     ----------
     .. [1] D. Breda, S. Maset, R. Vermiglio, SIAM J. Sci. Comput. 27(2), 2005.
     """
-    given = [order] * sys.delays.size if np.ndim(order) == 0 else list(order)  # type: ignore[arg-type]
+    several = isinstance(order, (Sequence, np.ndarray))
+    given = validation.sequence("order", order) if several else [order] * sys.delays.size
     if len(given) != sys.delays.size:
         raise InputError(
             f"order has {len(given)} entries: one for each of {sys.delays.size} delays is needed"
         )
     orders = [validation.integer("order", n, at_least=1, at_most=HIGHEST_ORDER) for n in given]
-    if np.ndim(order) == 0:
+    if not several:
         validation.integer("order", order, at_least=1, at_most=HIGHEST_ORDER)
     r = sys.realization
     acts = np.any(np.vstack([r.B2, r.D12, r.D22]) * sys.channel_gains != 0.0, axis=0) & (

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq, minimize_scalar
 
+from susp_ctrl import validation
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.frequency_range import default_band, sampled_band
 from susp_ctrl.delay_systems.lft import FloatArray
@@ -100,7 +101,7 @@ def stability_margins(sys: Any, omega_range: tuple[float, float] | None = None) 
         samples = sampled_band(loop, low, high, 0.1, _MOST_POINTS)
         samples = _extended(loop, samples)
     else:
-        low, high = (float(w) for w in omega_range)
+        low, high = validation.vector("omega_range", omega_range, size=2)
         if not 0.0 < low < high < np.inf:
             raise InputError(
                 f"omega_range = {omega_range!r} is not allowed: two increasing frequencies are needed"

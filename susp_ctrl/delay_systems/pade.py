@@ -269,9 +269,9 @@ def _real_pole(order: int) -> float:
 
 
 def _orders(sys: DelayLTI, order: int | Sequence[int]) -> tuple[int, ...]:
-    if np.ndim(order) == 0:
+    if not isinstance(order, (Sequence, np.ndarray)):
         return (validation.integer("order", order, at_least=1, at_most=HIGHEST_ORDER),) * sys.delays.size
-    given = list(order)  # type: ignore[arg-type]
+    given = validation.sequence("order", order)
     if len(given) != sys.delays.size:
         raise InputError(f"order has {len(given)} entries: one for each of {sys.delays.size} delays needed")
     return tuple(

@@ -144,3 +144,25 @@ def test_pade_of_a_system_without_inputs():
         assert np.max(approximation.poles().real) == pytest.approx(sc.spectral_abscissa(system), rel=1e-6)
     assert sc.DelayLTI.from_state_delays(A=[[[-1.0]]], delays=[]).plant.nstates == 1
     assert sc.DelayLTI.from_state_delays(A=[[[-1.0]]], delays=[]).to_ss().nstates == 1
+
+
+@pytest.mark.parametrize("bad", ["a", None, [1, "b"], {}, True, 1j, np.array(["x"]), [[1], [2, 3]]])
+@pytest.mark.parametrize(
+    "call",
+    [
+        sc.stability,
+        sc.characteristic_roots,
+        sc.h2_norm,
+        lambda x: sc.characteristic_roots(loop(), right_of="none" if x is None else x),
+        lambda x: sc.hinf_norm(loop(), x),
+        lambda x: loop().pade(x),
+        lambda x: loop().spectral(x),
+        lambda x: loop().margins("none" if x is None else x),
+        lambda x: loop().with_gains(x),
+        lambda x: sc.feedback(loop(), x),
+        lambda x: sc.FeedbackChannel("y", "u", gain=x),
+    ],
+)
+def test_no_raw_error(call, bad):
+    with pytest.raises(InputError):
+        call(bad)
