@@ -60,13 +60,23 @@ class Inputs:
     knots: FloatArray | None = None
     hold: str = "linear"
 
-    def split(self) -> tuple[Inputs, Inputs]:
+    def without_samples(self) -> tuple[Inputs, Inputs]:
         """Return the inputs given by samples alone, and the others alone."""
         sampled = tuple(part for part in self.parts if part.samples is not None)
         others = tuple(part for part in self.parts if part.samples is None)
         return (
             replace(self, parts=sampled, breakpoints=np.zeros(0), bandwidth=0.0),
             replace(self, parts=others, knots=None),
+        )
+
+    def without_sines(self) -> tuple[Inputs, Inputs]:
+        """Return the inputs that may have kinks alone, and the sums of sines, which have none, alone."""
+        kinked = tuple(part for part in self.parts if part.lines is None)
+        smooth = tuple(part for part in self.parts if part.lines is not None)
+        band = max((float(np.max(part.lines[0], initial=0.0)) for part in smooth if part.lines), default=0.0)
+        return (
+            replace(self, parts=kinked),
+            replace(self, parts=smooth, breakpoints=np.zeros(0), knots=None, bandwidth=band),
         )
 
     @property

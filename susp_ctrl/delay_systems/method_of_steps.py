@@ -30,6 +30,7 @@ import numpy as np
 from susp_ctrl.delay_systems.cells import gauss_rule
 from susp_ctrl.delay_systems.folding import FoldedLoop
 from susp_ctrl.delay_systems.input_signals import Inputs
+from susp_ctrl.delay_systems.kinked_run import run_kinked
 from susp_ctrl.delay_systems.kinks import propagated_kinks
 from susp_ctrl.delay_systems.lft import FloatArray
 from susp_ctrl.delay_systems.panels import CellGroup, PanelSolver
@@ -76,13 +77,11 @@ def run_exact(
     OverflowError
         The response of an unstable loop leaves the range of floating point numbers.
     """
-    if all(i.knots is not None for i in inputs):
-        apart = [i.split() for i in inputs]
-        sampled = run_sampled(loop, [own for own, _ in apart], timepts, past.start, rtol)
-        if sampled is not None:
-            others = [rest for _, rest in apart]
-            quiet = past.delayed is None and not np.any(past.state) and not any(i.parts for i in others)
-            return sampled if quiet else superposed(sampled, run_exact(loop, others, timepts, past, rtol))
+    apart = _from_rest(loop, inputs, timepts, past.start, rtol)
+    if apart is not None:
+        run, others = apart
+        quiet = past.delayed is None and not np.any(past.state) and not any(i.parts for i in others)
+        return run if quiet else superposed(run, run_exact(loop, others, timepts, past, rtol))
     tolerance = 1e-2 * rtol
     best, least = None, np.inf
     for _ in range(3):
@@ -96,6 +95,23 @@ def run_exact(
         tolerance = max(1e-16, 0.1 * tolerance * rtol / worst)
     assert best is not None  # the loop runs at least once
     return best
+
+
+def _from_rest(
+    loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start: float, rtol: float
+) -> tuple[Run, list[Inputs]] | None:
+    """Return the response to the inputs that have very many kinks, and the other inputs; None if none have."""
+    if all(i.knots is not None for i in inputs):
+        sampled, others = zip(*(i.without_samples() for i in inputs), strict=True)
+        run = run_sampled(loop, sampled, timepts, start, rtol)
+        if run is not None:
+            return run, list(others)
+    if max(i.breakpoints.size + i.sample_times.size for i in inputs) > _MANY_KNOTS:
+        kinked, others = zip(*(i.without_sines() for i in inputs), strict=True)
+        run = run_kinked(loop, kinked, timepts, start, rtol) if any(i.parts for i in kinked) else None
+        if run is not None:
+            return run, list(others)
+    return None
 
 
 class _March:

@@ -55,6 +55,8 @@ class UniformCells:
     from_delayed : ndarray, shape (channels * N + 2 r + channels, 2 * channels * N)
         From node values of [older, newer] cell of each channel to z at the nodes, the drive of xi over the cell
         (real, imaginary), and w at the start.
+    reach : ndarray of complex, shape (N + 1, r, 2 * channels * N)
+        From the same node values to xi at the targets.
     """
 
     def __init__(
@@ -91,6 +93,7 @@ class UniformCells:
                 at_start[k, first:middle] = rule.rows(np.array(1.0 - 2.0 * kink / length))
             else:
                 at_start[k, middle : middle + N] = rule.rows(np.array(-1.0))
+        self.reach = reach
         self.from_delayed = np.vstack([self._with_end(reach), at_start])
 
     def propagated(self, times: FloatArray, columns: FloatArray | ComplexArray) -> ComplexArray:
