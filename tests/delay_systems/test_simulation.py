@@ -13,6 +13,7 @@ from half_car_loops import DELAYS, GAINS, LAG, half_car_loop, relative, road, ro
 from scipy.integrate import solve_ivp
 
 import susp_ctrl as sc
+from susp_ctrl.delay_systems.discretization import spectral_approximation
 
 
 def step(t):
@@ -296,6 +297,23 @@ def test_pade_equals_python_control_and_approaches_exact():
     assert 20 <= chosen.order <= 40
     assert relative(chosen.outputs[:2], exact.outputs[:2]) < 5e-3
     assert relative(sc.simulate(sys, t, inputs, method="spectral").outputs[:2], exact.outputs[:2]) < 5e-3
+
+
+@pytest.mark.property
+@pytest.mark.parametrize("method", ["pade", "spectral"])
+def test_approximations_differ_from_python_control_by_its_sampling_error(method):
+    """forced_response joins samples by lines: its error falls with the square of the step, ours is not in it."""
+    sys, inputs = half_car_loop(), {"road_front": lambda t: 0.05 * np.sin(7.0 * t) ** 2}
+    differences = []
+    for step in (4e-3, 2e-3, 1e-3):
+        t = np.arange(0.0, 2.0, step)
+        ours = sc.simulate(sys, t, inputs, method=method, order=32)
+        ordinary = sys.pade(32) if method == "pade" else spectral_approximation(sys, 32)
+        u = np.zeros((4, t.size))
+        u[0] = inputs["road_front"](t)
+        differences.append(relative(ours.outputs, ct.forced_response(ordinary, t, u).outputs))
+    assert differences[-1] < 1e-4
+    np.testing.assert_allclose(np.array(differences[:-1]) / differences[1:], 4.0, rtol=0.2)
 
 
 def test_low_order_warns_with_the_order_needed():
