@@ -170,17 +170,26 @@ def _free(x: _Expansion, h: FloatArray, g: FloatArray) -> tuple[np.ndarray, np.n
     remainder = quadratic + _trace(X3) + mixed + np.maximum(higher, 0.0)
     gap = np.fmax(1.0 - np.abs(a) - np.abs(b), np.fmax(_beyond(a, b), _beyond(b, a)))
     free = (gap > remainder + 1e-13) | (k.max(axis=1, initial=0.0) < 1.0 - 1e-13)
-    along_omega = np.sum(np.abs(by_omega) ** 2, axis=(1, 2)) > np.sum(np.abs(by_y) ** 2, axis=(1, 2))
+    along_omega = _square(by_omega) > _square(by_y)
     return free, along_omega
 
 
+def _square(matrices: ComplexArray) -> FloatArray:
+    """Return the square of the Frobenius norm."""
+    flat = matrices.reshape(len(matrices), -1).view(float)
+    squares: FloatArray = np.einsum("pi,pi->p", flat, flat)
+    return squares
+
+
 def _trace(matrices: np.ndarray) -> np.ndarray:
-    return np.trace(matrices, axis1=1, axis2=2)
+    traces: np.ndarray = np.einsum("pii->p", matrices)
+    return traces
 
 
 def _trace_of(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Return the trace of the product."""
-    return np.sum(left * np.swapaxes(right, 1, 2), axis=(1, 2))
+    traces: np.ndarray = np.einsum("pij,pji->p", left, right)
+    return traces
 
 
 def _beyond(a: ComplexArray, b: ComplexArray) -> FloatArray:

@@ -88,9 +88,9 @@ def _graded_eigenvalues(matrix: FloatArray) -> tuple[ComplexArray, float]:
     The digits of the small ones, which rounding of the large ones takes, are those of the largest eigenvalues of
     the inverse.
     """
-    matrix = scipy.linalg.matrix_balance(matrix, permute=False)[0]
-    values = scipy.linalg.eigvals(matrix, check_finite=False)
-    scale = float(np.linalg.norm(matrix))
+    balanced = np.asarray(scipy.linalg.matrix_balance(matrix, permute=False)[0], dtype=float)
+    values: ComplexArray = scipy.linalg.eigvals(balanced, check_finite=False).astype(complex)
+    scale = float(np.linalg.norm(balanced))
     if np.all(np.abs(values) > 1e-6 * scale):
         return values, 0.0
     # One that is zero is mostly double, and rounding splits it to the root of its size.
@@ -98,7 +98,7 @@ def _graded_eigenvalues(matrix: FloatArray) -> tuple[ComplexArray, float]:
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)
-            inverse = scipy.linalg.inv(matrix)
+            inverse = scipy.linalg.inv(balanced)
     except np.linalg.LinAlgError:
         return values, lost
     if not np.linalg.norm(inverse) * scale * values.size * _EPSILON < 1.0:
@@ -121,7 +121,7 @@ def unit_moduli(chain: LoopMatrices, omega: FloatArray) -> ComplexArray:
         resolvent = np.linalg.solve(
             s[:, None, None] * np.eye(n) - chain.A, np.broadcast_to(chain.B, (s.size, *chain.B.shape))
         )
-        return 1.0 / np.linalg.eigvals(chain.C @ resolvent + chain.D).astype(complex)
+        return np.asarray(1.0 / np.linalg.eigvals(chain.C @ resolvent + chain.D), dtype=complex)
 
 
 def chain_zeros(chain: LoopMatrices, loop: LoopMatrices, coordinate: Coordinate) -> tuple[Zeros, float]:

@@ -17,15 +17,6 @@ At :math:`s = j\omega` a root :math:`z = e^{-j\theta}` on the unit circle is a c
 or left as the sign of :math:`\mathrm{Re}\,(ds/d\tau)` says, which is that of :math:`d|z|/d\omega` and the same for all
 r [2]_.
 
-With one delay tau, or equal ones, the characteristic equation is a polynomial in :math:`z = e^{-\tau s}`,
-
-.. math:: \sum_k a_k(s) z^k = 0 .
-
-At :math:`s = j\omega` a root :math:`z = e^{-j\theta}` on the unit circle is a crossing at the frequency
-:math:`\omega`, for every delay :math:`\tau = (\theta + 2\pi r)/\omega`, r = 0, 1, ...; the root pair moves to the right
-or left as the sign of :math:`\mathrm{Re}\,(ds/d\tau)` says, which is that of :math:`d|z|/d\omega` and the same for all
-r [2]_.
-
 The books are closed by counts of unstable roots (argument principle) that know nothing of the crossings: at both
 ends and between, count and sum of tendencies must agree.
 

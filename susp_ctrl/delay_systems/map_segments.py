@@ -129,7 +129,7 @@ class Segments:
         while todo.size:
             k = min(neighbours, tree.n)
             away, index = tree.query(points[todo], k=k)
-            away, index = away.reshape(todo.size, k), index.reshape(todo.size, k)
+            away, index = np.reshape(away, (todo.size, k)), np.reshape(index, (todo.size, k))
             best = _to_segment(points[todo, None], a[index], b[index]).min(axis=1)
             result[todo] = best
             # Any other piece has its middle beyond the last neighbour, and reaches half its length from there.

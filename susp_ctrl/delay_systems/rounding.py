@@ -15,6 +15,8 @@ References
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.linalg
 
@@ -44,7 +46,8 @@ def eigenvalues_with_uncertainty(
     n = matrix.shape[0]
     if n == 0:
         return np.zeros(0, dtype=complex), np.zeros(0)
-    values, left, right = scipy.linalg.eig(matrix, left=True, right=True)
+    decomposed: Any = scipy.linalg.eig(matrix, left=True, right=True)
+    values, left, right = decomposed
     overlap = np.abs(np.sum(left.conj() * right, axis=0))
     reach = np.sum(np.abs(left) * ((np.abs(matrix) if terms is None else terms) @ np.abs(right)), axis=0)
     relative = _ROUNDINGS * n * _EPSILON

@@ -75,7 +75,8 @@ def small_gain_bands(loop: LoopMatrices, margin: float = 1.0) -> Bands:
         return Bands(np.zeros(0), np.zeros(0))
     shifted, _ = off_axis(loop)
     top = frequency_bound(loop, margin)
-    centre, half = (np.arange(16) + 0.5) * (top / 16), np.full(16, top / 32)
+    centre: FloatArray = np.asarray((np.arange(16) + 0.5) * (top / 16), dtype=float)
+    half: FloatArray = np.full(16, top / 32)
     done: list[tuple[FloatArray, FloatArray]] = []
     moved = shifted is not loop
     for _ in range(60):
@@ -133,6 +134,13 @@ def scaled_row_sums(X: FloatArray) -> FloatArray:
     """
     if X.shape[-1] == 1:
         return X[:, 0]
+    if X.shape[-1] == 2:
+        # The Perron vector in closed form, as the sum of its two expressions.
+        room = perron_bound(X)
+        x = np.stack([X[..., 0, 1] + (room - X[..., 1, 1]), X[..., 1, 0] + (room - X[..., 0, 0])], axis=-1)
+        x = np.maximum(x, 1e-12 * room[..., None] + 1e-300)
+        x = x / x.max(axis=-1, keepdims=True) + 1e-9
+        return (X @ x[..., None])[..., 0] / x
     x = np.ones(X.shape[:-1])
     for _ in range(6):
         x = (X @ x[..., None])[..., 0] + 1e-2 * x
@@ -166,13 +174,13 @@ def off_axis(loop: LoopMatrices) -> tuple[LoopMatrices, float]:
     return best, best_K
 
 
-def inverses(matrices: ComplexArray) -> ComplexArray:
+def inverses(matrices: np.ndarray) -> ComplexArray:
     """Invert many matrices; a singular one gives infinite entries."""
     if matrices.shape[-1] == 1:
         with np.errstate(all="ignore"):
-            return 1.0 / matrices
+            return np.asarray(1.0 / matrices, dtype=complex)
     try:
-        return np.linalg.inv(matrices)
+        return np.asarray(np.linalg.inv(matrices), dtype=complex)
     except np.linalg.LinAlgError:
         singular = np.linalg.det(matrices) == 0.0
         result = np.full_like(matrices, np.inf)

@@ -156,7 +156,7 @@ def _moduli_of_common_delay(P: ComplexArray, line: DelayLine, omega: FloatArray)
         inner = np.linalg.solve(np.eye(fixed.shape[-1]) - fixed, PE[:, ~moving][:, :, moving])
         M = M + PE[:, moving][:, :, ~moving] @ inner
     with np.errstate(all="ignore"):
-        return 1.0 / np.linalg.eigvals(np.where(np.isfinite(M), M, 1e300)).astype(complex)
+        return np.asarray(1.0 / np.linalg.eigvals(np.where(np.isfinite(M), M, 1e300)), dtype=complex)
 
 
 def _tracked(z: ComplexArray) -> ComplexArray:

@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import block_diag
 
 import susp_ctrl as sc
+from susp_ctrl.delay_systems.small_gain import scaled_row_sums
 
 
 def states(*A, delays=None):
@@ -170,3 +171,22 @@ def test_incommensurate_delays_are_proven(seed):
         E = np.exp(-1j * omega * tau * direction)
         K = 1j * omega * np.eye(6) - A0 - np.tensordot(E, blocks, axes=1)
         assert np.linalg.svd(K, compute_uv=False)[-1] < 1e-11 * np.linalg.norm(K)
+
+
+@pytest.mark.property
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        np.zeros((2, 2)),
+        np.eye(2),
+        [[0.0, 3.0], [0.0, 0.0]],
+        [[1.0, 2.0], [1e-9, 1.0]],
+        [[2.0, 0.0], [5.0, 2.0]],
+    ],
+)
+def test_scaled_row_sums_bound_the_spectral_radius(matrix):
+    """The largest is an upper bound of the spectral radius, and a close one (defective matrices: nearly)."""
+    X = np.asarray(matrix, dtype=float)[None]
+    largest = scaled_row_sums(X).max()
+    radius = np.abs(np.linalg.eigvals(X[0])).max()
+    assert radius * (1 - 1e-12) <= largest <= radius * (1 + 1e-6) + 1e-5
