@@ -156,16 +156,14 @@ def rightmost_roots(K: CharacteristicMatrix, count: int) -> RootSet:
     for attempt in range(_ATTEMPTS):
         eigenvalues, size = _eigenvalues(K, radius)
         found = _all_of(refine(K, _rightmost_starts(eigenvalues, count + margin, radius)), size)
-        end, line = gap_after(K, found, count)
-        if line is not None and _confirmed(K, line, end):
-            return found.first(end)._replace(complete=True)
+        if is_complete(K, found, count):
+            return found.first(pairs_whole(found, count))._replace(complete=True)
         if attempt == 1 and not _delays_move_roots(K):
             return _without_delay(K, count)
         if found.largest:
             break
         radius, margin = 1.8 * radius, 2 * margin
-    end, _ = gap_after(K, found, count)
-    return found.first(end)._replace(complete=False)
+    return found.first(pairs_whole(found, count))._replace(complete=False)
 
 
 def reach_near_axis(K: CharacteristicMatrix) -> float:
@@ -253,22 +251,41 @@ def _all_of(refined: RefinedRoots, size: int) -> RootSet:
     return RootSet(roots[order], residuals[order], uncertainties[order], None, size)
 
 
-def gap_after(K: CharacteristicMatrix, found: RootSet, count: int) -> tuple[int, float | None]:
-    """Where the first `count` roots end (pairs whole), and a line in a gap at or after that, if there is one."""
+def pairs_whole(found: RootSet, count: int) -> int:
+    """Where the first `count` roots end without splitting a pair."""
+    if found.roots.size < count:
+        return found.roots.size
+    return count + int(found.roots[count - 1].imag > 0.0)
+
+
+def is_complete(K: CharacteristicMatrix, found: RootSet, count: int) -> bool:
+    """Tell whether the argument principle confirms the first `count` roots, by a line in a gap after them.
+
+    The first gap is tried and the widest of the next few: between the members of a cluster nothing can be counted.
+    """
+    return found.roots.size >= count and any(_confirmed(K, line, k) for k, line in _gaps(K, found, count))
+
+
+def _gaps(K: CharacteristicMatrix, found: RootSet, count: int) -> list[tuple[int, float]]:
+    """Numbers of roots and lines right of which just these were found."""
     roots, error = found.roots, np.maximum(found.uncertainties, found.residuals)
-    if roots.size < count:
-        return roots.size, None
-    end = count + int(roots[count - 1].imag > 0.0)
+    end = pairs_whole(found, count)
     # further left e^{-s tau} grows, and the count becomes costly without being any safer
     furthest = 1.0 / float(K.delays.max()) if K.n_channels else np.inf
     if end == roots.size:
         size = np.abs(roots[-1]) or min(furthest, K.root_bound or 1.0)
-        return end, float(roots[-1].real - min(0.05 * size, furthest) - 10.0 * error[-1])
-    for k in range(end, roots.size):
-        gap = roots[k - 1].real - roots[k].real
-        if gap > 10.0 * (error[k - 1] + error[k]) + 1e-9 * abs(roots[k].real):
-            return k, float(roots[k - 1].real - min(0.5 * gap, furthest + 10.0 * error[k - 1]))
-    return end, None
+        return [(end, float(roots[-1].real - min(0.05 * size, furthest) - 10.0 * error[-1]))]
+    gap = roots.real[end - 1 : -1] - roots.real[end:]
+    certain = 10.0 * (error[end - 1 : -1] + error[end:]) + 1e-9 * np.abs(roots.real[end:])
+    open_ = np.flatnonzero(gap > certain)
+    if open_.size == 0:
+        return []
+    near = open_[open_ < open_[0] + 12]
+    chosen = dict.fromkeys([int(open_[0]), int(near[np.argmax(gap[near])])])
+    return [
+        (end + k, float(roots[end + k - 1].real - min(0.5 * gap[k], furthest + 10.0 * error[end + k - 1])))
+        for k in chosen
+    ]
 
 
 def _confirmed(K: CharacteristicMatrix, line: float, number: int) -> bool:

@@ -30,7 +30,7 @@ from susp_ctrl.delay_systems.lft import ComplexArray
 from susp_ctrl.delay_systems.roots import (
     FIRST_ANGLE,
     RootSet,
-    gap_after,
+    is_complete,
     reach_near_axis,
     rightmost_roots,
     roots_near_axis,
@@ -153,7 +153,7 @@ def _decide(system: DelayLTI) -> StabilityVerdict:
         agreement[ROOTS] = int(np.sum(found.roots.real > 0.0))
         answers = {n for n in agreement.values() if n is not None}
         # with all unstable roots found the rightmost is among them; of a stable loop it could have been missed
-        if len(answers) == 1 and counted is not None and (counted or _is_rightmost(K, found)):
+        if len(answers) == 1 and counted is not None and (counted or is_complete(K, found, 1)):
             return _verdict(counted == 0, counted, agreement, _agreed(counted, agreement), found.roots)
         if found.largest:
             break
@@ -188,17 +188,11 @@ def _verdict(
     return StabilityVerdict(stable, abscissa, number, MappingProxyType(dict(agreement)), reason, roots)
 
 
-def _is_rightmost(K: CharacteristicMatrix, found: RootSet) -> bool:
-    """Whether the roots found are all there are right of a line just left of the first."""
-    number, line = gap_after(K, found, 1)
-    return line is not None and _count(K, line) == number
-
-
 def _without_agreement(
     K: CharacteristicMatrix, agreement: Mapping[str, int | None], found: RootSet
 ) -> StabilityVerdict:
     """Unstable where every method finds unstable roots, so many that not all can be computed; else undecided."""
-    known = _is_rightmost(K, found)
+    known = is_complete(K, found, 1)
     answers = {n for n in agreement.values() if n is not None}
     if all(answers) and len(answers) > 1 and agreement[ARGUMENT] is not None:
         counts = [agreement[name] for name in (ARGUMENT, SWEEP) if agreement.get(name) is not None]
@@ -237,7 +231,7 @@ def _with_roots_on_axis(
             return _verdict(
                 False, number, agreement, f"{_agreed(number, agreement)}; besides, {where}", found.roots
             )
-    known = _is_rightmost(K, found)
+    known = is_complete(K, found, 1)
     return _verdict(None, None, agreement | {ROOTS: None, ARGUMENT: None}, where, found.roots, known)
 
 

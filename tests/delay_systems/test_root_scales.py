@@ -137,3 +137,18 @@ def test_fast_poles_and_many_unstable_roots_cost_little():
     assert verdict.stable is False
     assert verdict.unstable_roots == 2 * int((5e4 - np.pi / 2.0) // (2.0 * np.pi) + 1)
     assert verdict.abscissa == pytest.approx(rightmost(-1e4, 5.0).real, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-13, 1e-11, 1e-9, 1e-6, 1e-3])
+def test_nearly_triple_root(size):
+    """Entries moved by `size` move a triple root by about its cube root: no more, and no root is lost."""
+    random = np.random.default_rng(5)
+    for g in (-0.6, -0.9, 0.5):
+        e = 1.0 + size * random.normal(size=3)
+        b, a1 = -2.0 * np.exp(g), -2.0 - 2.0 * g
+        a0 = 2.0 - g * g - a1 * g
+        loop = system([[[0.0, 1.0], [-a0 * e[0], -a1 * e[1]]], [[0.0, 0.0], [-b * e[2], 0.0]]], [1.0])
+        verdict = sc.stability(loop)
+        assert verdict.stable is (g < 0.0)
+        assert verdict.unstable_roots == (3 if g > 0.0 else 0)
+        assert abs(verdict.abscissa - g) < 10.0 * size ** (1.0 / 3.0) + 1e-4
