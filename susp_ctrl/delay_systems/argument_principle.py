@@ -28,7 +28,7 @@ from susp_ctrl import validation
 from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix, Points
 from susp_ctrl.delay_systems.delay_lti import as_delay_lti
 from susp_ctrl.delay_systems.lft import FloatArray
-from susp_ctrl.errors import UndecidedStabilityWarning
+from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
 # Relative uncertainty of every entry of K: some dozens of roundings.
 _ENTRY_UNCERTAINTY = 64.0 * np.finfo(float).eps
@@ -38,6 +38,9 @@ _PHASE = 0.95 * np.pi
 # Numbers held at once by the batched matrices, and points after which the search is given up.
 _BATCH_NUMBERS = 2_000_000
 _MOST_POINTS = 2_000_000
+# An abscissa is narrowed down to this relative width, by counts of at most so many points each.
+_BRACKET = 1e-9
+_POINTS_OF_A_TRIAL = 50_000
 
 
 class ContourError(ArithmeticError):
@@ -95,7 +98,50 @@ def count_roots_right_of(sys: Any, line: float) -> int | None:
         return None
 
 
-def count_right_of(K: CharacteristicMatrix, line: float = 0.0) -> int:
+def abscissa_by_counts(K: CharacteristicMatrix, below: float | None, above: float) -> tuple[float, float]:
+    """Narrow the largest real part of the roots from both sides by counting.
+
+    Parameters
+    ----------
+    K : CharacteristicMatrix
+        The loop.
+    below : float or None
+        Real part of a root, so that the abscissa is not smaller; None if no root is known.
+    above : float
+        A line without roots right of it.
+
+    Returns
+    -------
+    tuple of float
+        The bracket, as narrow as counts of moderate cost make it: roots in a chain can be so close to each other
+        that no line passes between them. Its lower end is minus infinity if no root is known and none was met.
+    """
+    step = 1e-6 * (K.root_bound or 1.0)
+    while below is None:
+        line = above - step
+        try:
+            number = count_right_of(K, line, _POINTS_OF_A_TRIAL)
+        except (ContourError, InputError):
+            return -np.inf, above
+        below, above = (line, above) if number else (None, line)
+        step *= 1.3
+    for _ in range(60):
+        if above - below <= _BRACKET * max(abs(below), abs(above)):
+            break
+        for share in (0.5, 0.4, 0.1, 0.01, 0.001):  # far to the left counts are costly, on a root impossible
+            line = above - share * (above - below)
+            try:
+                number = count_right_of(K, line, _POINTS_OF_A_TRIAL)
+            except (ContourError, InputError):
+                continue
+            below, above = (line, above) if number else (below, line)
+            break
+        else:
+            break
+    return below, above
+
+
+def count_right_of(K: CharacteristicMatrix, line: float = 0.0, most_points: int = _MOST_POINTS) -> int:
     """Count the roots right of a line, or raise `ContourError`."""
     if K.n_states == 0:
         return 0
@@ -104,14 +150,14 @@ def count_right_of(K: CharacteristicMatrix, line: float = 0.0) -> int:
     top = moved.root_bound or 1.0
     corner = np.array([1j * top])
     outer_phase = float(np.angle(1.0 - np.linalg.eigvals(moved.closed(corner))[0] / corner).sum())
-    turns = K.n_states / 2.0 + (outer_phase - _phase_along_axis(moved, top)) / np.pi
+    turns = K.n_states / 2.0 + (outer_phase - _phase_along_axis(moved, top, most_points)) / np.pi
     count = round(turns)
     if abs(turns - count) > 1e-3 or count < 0:
         raise ContourError(np.nan, f"the phase adds up to {turns:.6g} roots, which is no whole number")
     return count
 
 
-def _phase_along_axis(K: CharacteristicMatrix, top: float) -> float:
+def _phase_along_axis(K: CharacteristicMatrix, top: float, most_points: int) -> float:
     """Change of the phase of det K(jw) from w = 0 to w = `top`."""
     edges = np.linspace(0.0, top, 17)
     lower, upper = edges[:-1], edges[1:]
@@ -126,8 +172,8 @@ def _phase_along_axis(K: CharacteristicMatrix, top: float) -> float:
         evaluated += lower.size
         points.append(0.5 * (lower + upper)[done])
         parts = np.clip(np.ceil(radius[~done] / (0.7 * _RADIUS)), 2, 8).astype(int)
-        if evaluated + parts.sum() > _MOST_POINTS:
-            raise ContourError(float(lower[~done][0]), f"more than {_MOST_POINTS} steps would be needed")
+        if evaluated + parts.sum() > most_points:
+            raise ContourError(float(lower[~done][0]), f"more than {most_points} steps would be needed")
         width = np.repeat((upper - lower)[~done] / parts, parts)
         start = np.repeat(lower[~done], parts)
         number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)

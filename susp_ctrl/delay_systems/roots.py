@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.argument_principle import ContourError, count_right_of
+from susp_ctrl.delay_systems.argument_principle import ContourError, abscissa_by_counts, count_right_of
 from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.delay_lti import as_delay_lti
 from susp_ctrl.delay_systems.discretization import discretized_matrix
@@ -136,9 +136,26 @@ def spectral_abscissa(sys: Any) -> float:
     Returns
     -------
     float
+        Where the rightmost root is one of many with the same real part to many digits, the bound that counts by the
+        argument principle give.
     """
-    roots = characteristic_roots(sys, 1)
-    return float(roots[0].real) if roots.size else -np.inf
+    K = CharacteristicMatrix.of(as_delay_lti(sys, "sys").folded)
+    found = rightmost_roots(K, 1)
+    if K.n_states == 0:
+        return -np.inf
+    largest = float(found.roots[0].real) if found.roots.size else -np.inf
+    if found.complete:
+        return largest
+    beyond = max(largest, 0.0) + K.root_bound
+    below, above = abscissa_by_counts(K, largest if found.roots.size else None, beyond)
+    if not above - below <= 1e-4 * max(abs(below), abs(above)):
+        warnings.warn(
+            f"spectral abscissa {largest:g} is a lower bound: the argument principle does not confirm it",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return largest
+    return above
 
 
 def rightmost_roots(K: CharacteristicMatrix, count: int) -> RootSet:

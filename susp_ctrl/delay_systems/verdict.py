@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, NoReturn
 
 import numpy as np
 
-from susp_ctrl.delay_systems.argument_principle import ContourError, count_right_of
+from susp_ctrl.delay_systems.argument_principle import ContourError, abscissa_by_counts, count_right_of
 from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.frequency_sweep import sweep_delays
@@ -43,6 +43,8 @@ ROOTS, ARGUMENT, SWEEP = "roots", "argument principle", "sweep"
 _ANGLES, _REACHES = (1.0, 4.0), (1.0, 1.7, 3.0)
 # Beyond this number of unstable roots only the rightmost ones are computed.
 _MOST_COMPUTED = 300
+# An abscissa that the roots method leaves open is good enough when counts enclose it this narrowly (relative).
+_NARROW = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,6 +163,12 @@ def _decide(system: DelayLTI) -> StabilityVerdict:
         found = rightmost_roots(K, 1)
         if found.complete and found.roots[0].real < 0.0:
             return _verdict(True, 0, agreement, _agreed(0, agreement), found.roots)
+        # many roots of a chain can share their real part to many digits: counts tell where the last of them is
+        below, above = abscissa_by_counts(K, float(found.roots[0].real) if found.roots.size else None, 0.0)
+        others = {name: n for name, n in agreement.items() if name != ROOTS and n is not None}
+        if above - below <= _NARROW * abs(above) and len(others) > 1:
+            verdict = _verdict(True, 0, agreement | {ROOTS: None}, _agreed(0, others), found.roots)
+            return replace(verdict, abscissa=above)
         reason = (
             "no method finds an unstable root, but the argument principle does not confirm the rightmost root"
         )

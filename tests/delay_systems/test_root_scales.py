@@ -102,7 +102,7 @@ def test_reach_of_the_right_half_plane_ignores_fast_stable_poles():
 
 
 def test_a_missed_rightmost_root_leaves_no_loop_stable(monkeypatch):
-    """Roots with the rightmost pair cut off: none is unstable, yet the verdict must find the pair or say nothing."""
+    """Roots with the rightmost pair cut off: none is unstable, yet the verdict must find where the pair is."""
     loop = system([0.0, -1.0], [1.0])
 
     def without_first_pair(original):
@@ -116,10 +116,9 @@ def test_a_missed_rightmost_root_leaves_no_loop_stable(monkeypatch):
     monkeypatch.setattr(verdict_module, "roots_near_axis", without_first_pair(verdict_module.roots_near_axis))
     assert sc.stability(loop).abscissa == pytest.approx(rightmost(-1.0, 1.0).real, rel=1e-9)
     monkeypatch.setattr(verdict_module, "rightmost_roots", without_first_pair(verdict_module.rightmost_roots))
-    with pytest.warns(UndecidedStabilityWarning, match="does not confirm"):
-        verdict = sc.stability(loop)
-    assert verdict.stable is None
-    assert np.isnan(verdict.abscissa)
+    verdict = sc.stability(loop)  # counts alone find where the missing pair is
+    assert verdict.agreement["roots"] is None
+    assert verdict.abscissa == pytest.approx(rightmost(-1.0, 1.0).real, rel=1e-6)
 
 
 def test_fast_poles_and_many_unstable_roots_cost_little():
