@@ -48,10 +48,17 @@ def reference():
 
 @pytest.fixture(scope="module")
 def ours(reference):
+    """Time and error of the states alone, which is all that the peers compute; the default run for comparison."""
     sys, inputs = half_car_loop(), road_inputs()
-    spent, response = seconds(lambda: sc.simulate(sys, T, inputs))
+    spent, response = seconds(lambda: sc.simulate(sys, T, inputs), repeat=9)
+    print(f"\nsusp_ctrl, {sys.noutputs} outputs, default tolerance: {1e3 * spent:.1f} ms, ", end="")
+    print(f"error {relative(response.states, reference):.1e}")
+    assert relative(response.states, reference) < 1e-8
+    fed_back = [f"unsprung_displacement_{axle}" for axle in ("front", "rear")]
+    states = sys[fed_back, ["road_front", "road_rear"]]
+    spent, response = seconds(lambda: sc.simulate(states, T, inputs, rtol=1e-6), repeat=9)
     error = relative(response.states, reference)
-    print(f"\nsusp_ctrl: {1e3 * spent:.1f} ms, error {error:.1e}")
+    print(f"susp_ctrl, states, rtol 1e-6: {1e3 * spent:.1f} ms, error {error:.1e}")
     assert error < 1e-8
     return spent, error
 
