@@ -16,6 +16,7 @@ References
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -75,7 +76,7 @@ class GaussRule:
     def phase_resolved(self, tolerance: float) -> float:
         """Return the largest theta whose ``e^{j theta x}`` on [-1, 1] is resolved to a relative tolerance."""
         n = self.size
-        return 2.0 * n / np.e * (tolerance / np.sqrt(n)) ** (1.0 / n)
+        return 2.0 * n / math.e * (tolerance / np.sqrt(n)) ** (1.0 / n)
 
 
 @lru_cache(maxsize=16)
