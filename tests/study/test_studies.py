@@ -139,3 +139,27 @@ def test_neglected_delay_study_ends_where_its_margin_says(monkeypatch, tmp_path,
     module.main()
     assert "delay margins" in capsys.readouterr().out
     assert (tmp_path / "out" / "neglected_delay.png").stat().st_size > 10_000
+
+
+def test_the_robust_design_is_found_for_the_worst_of_the_fleet(capsys):
+    """At a small size: the worst of the searched corners is no worse for the robust design than for the nominal."""
+    module = script("robust_design")
+    found = module.designs(particles=12, iterations=15)
+    chosen = {name: [(c.gain, c.delay) for c in channels] for name, channels in found.items()}
+    assert chosen["nominal"] != chosen["robust"]
+
+    def worst(channels):
+        return max(
+            module.objective(
+                module.car(load).plant(),
+                [c.replace(delay=f * c.delay) for c, f in zip(channels, factors, strict=True)],
+            )
+            for load in (0.9, 1.0, 1.1)
+            for factors in ((1, 1), (0.9, 0.9), (0.9, 1.1), (1.1, 0.9), (1.1, 1.1))
+        )
+
+    assert worst(found["robust"]) <= worst(found["nominal"]) * (1 + 1e-6)
+    table = module.fleet_table(found, variants=5)
+    assert np.all(np.isfinite(table.to_numpy()))
+    module.main(particles=6, iterations=2, variants=2)
+    assert "robust" in capsys.readouterr().out
