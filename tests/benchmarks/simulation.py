@@ -94,9 +94,18 @@ def measure(task):
             passed.append(time.perf_counter() - wall)
     peak = np.max(np.abs(response.outputs), axis=1)
     error = float(np.max(response.error_estimate / np.where(peak > 0.0, peak, np.inf)))
-    # kilobytes on Linux, bytes on macOS
+    return min(spent), min(passed), peak_memory(), error
+
+
+def peak_memory():
+    """Largest resident memory of this process (GB)."""
+    status = Path("/proc/self/status")
+    if status.exists():  # ru_maxrss would be that of the calling process, if it was larger
+        line = next(one for one in status.read_text().splitlines() if one.startswith("VmHWM"))
+        return int(line.split()[1]) / 1e6
+    # kilobytes on most systems, bytes on macOS
     unit = 1e9 if sys.platform == "darwin" else 1e6
-    return min(spent), min(passed), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, error
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
 
 
 def measured_apart(task):
