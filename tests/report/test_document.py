@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -81,9 +82,11 @@ def test_two_runs_write_the_same_bytes(
 def test_tables_are_written_in_full_precision(small: StudyResult, saved: tuple[Path, list[Path]]) -> None:
     folder, _ = saved
     for key in ("audit", "frequency_peaks", "rms_harmonic", "pade_first_published"):
-        read = pd.read_csv(folder / "tables" / f"{key}.csv", dtype={"printed": str})
-        # older readers round the last bit
-        pd.testing.assert_frame_equal(read, small.tables[key], check_dtype=False, rtol=1e-12, atol=0.0)
+        read, table = pd.read_csv(folder / "tables" / f"{key}.csv", dtype=str), small.tables[key]
+        assert list(read.columns) == list(table.columns)
+        for column in table.select_dtypes("number"):
+            # float() reads every digit, which the parser of older pandas does not
+            np.testing.assert_array_equal([float(text) for text in read[column].fillna("nan")], table[column])
 
 
 def test_histories_are_written_with_the_digits_asked_for(
