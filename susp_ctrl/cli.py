@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from susp_ctrl.study import Study
-    from susp_ctrl.study.result import StudyRun, TimeCase
+    from susp_ctrl.study.results.study_run import StudyRun, TimeCase
 
 WRITE_FAILED, BAD_INPUT, UNDECIDED, INTERRUPTED = 1, 2, 3, 130
 
@@ -108,7 +108,7 @@ def report(
     """
     with _one_line_errors():
         from susp_ctrl.report import StudyResult, check_folder
-        from susp_ctrl.study.storage import read_run
+        from susp_ctrl.study.results.storage import read_run
 
         result = StudyResult(read_run(folder))
         target = check_folder(folder if out is None else out)
@@ -147,7 +147,7 @@ def new(
 ) -> None:
     """Write a commented template of a study file, to be edited."""
     with _one_line_errors():
-        from susp_ctrl.study.template import new_study
+        from susp_ctrl.study.settings.template import new_study
 
         print(new_study(name))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from susp_ctrl.study.map_result import MapAxis, MapExplorer, StabilityMapCase
+from susp_ctrl.study.results.maps import MapAxis, MapExplorer, StabilityMapCase
 
 POINTS = 5
 

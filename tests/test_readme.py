@@ -89,7 +89,7 @@ def test_reference_is_built_by_the_line_given(tmp_path: Path) -> None:
     assert [name for name in sc.__all__ if f'id="{name}"' not in page] == []
     for module in (a for a in arguments if a.startswith("susp_ctrl.")):
         page = tmp_path / f"{module.replace('.', '/')}.html"
-        assert "$$" in page.read_text(encoding="utf-8") or module.endswith("roots"), module
+        assert "$$" in page.read_text(encoding="utf-8") or module.endswith("rightmost"), module
 
 
 def test_files_that_the_readme_shows_exist() -> None:

@@ -24,16 +24,16 @@ HERE = Path(__file__).parent
 # trap -> tests
 TRAPS = {
     "Padé through polynomials has wrong time responses": [
-        "delay_systems/test_pade.py::test_half_car_time_response_reaches_the_phasor_solution",
-        "delay_systems/test_pade.py::test_time_response_of_a_delayed_smooth_pulse",
-        "delay_systems/test_pade.py::test_poles_are_the_scaled_bessel_poles",
+        "delay_systems/approximation/test_pade.py::test_half_car_time_response_reaches_the_phasor_solution",
+        "delay_systems/approximation/test_pade.py::test_time_response_of_a_delayed_smooth_pulse",
+        "delay_systems/approximation/test_pade.py::test_poles_are_the_scaled_bessel_poles",
         "test_traps.py::test_pade_as_a_cascade_delays_a_pulse_at_high_order",
     ],
     "low Padé orders misread wheel hop and verdicts, and are warned of": [
-        "delay_systems/test_pade.py::test_low_order_misreads_the_wheel_hop_root",
-        "delay_systems/test_pade.py::test_low_order_warns_when_the_band_is_given",
+        "delay_systems/approximation/test_pade.py::test_low_order_misreads_the_wheel_hop_root",
+        "delay_systems/approximation/test_pade.py::test_low_order_warns_when_the_band_is_given",
         "delay_systems/test_comparison.py::test_low_orders_give_wrong_verdicts_in_both_directions",
-        "delay_systems/test_simulation.py::test_low_order_warns_with_the_order_needed",
+        "delay_systems/simulation/test_time_response.py::test_low_order_warns_with_the_order_needed",
     ],
     "a step sampled on a grid is a ramp": ["test_traps.py::test_a_sampled_step_is_a_ramp_unless_it_is_held"],
     "python-control's functions on a system with delays": [
@@ -42,7 +42,7 @@ TRAPS = {
         "delay_systems/test_python_control.py::test_singular_values_of_python_control_are_exact",
         "delay_systems/test_python_control.py::test_no_conversion_loses_the_delay_silently",
         "delay_systems/test_python_control.py::test_zeros_of_quasi_polynomials",
-        "delay_systems/test_algebra.py::test_single_loop_operations",
+        "delay_systems/test_connections.py::test_single_loop_operations",
         "test_traps.py::test_a_system_with_delays_is_no_state_space",
     ],
     "plots draw where they are told, defaults of python-control stay, imports are light": [
@@ -52,25 +52,25 @@ TRAPS = {
         "test_public_names.py::test_a_bare_import_loads_no_heavy_library",
     ],
     "sweep: roots at zero, touches, double roots, no A0, zero and equal delays, the highest frequency": [
-        "delay_systems/test_sweep.py::test_root_at_zero_for_every_delay",
-        "delay_systems/test_sweep.py::test_root_on_the_axis_at_the_start",
-        "delay_systems/test_sweep.py::test_tangential_touch_is_no_crossing",
-        "delay_systems/test_sweep.py::test_double_root_on_the_axis",
-        "delay_systems/test_sweep.py::test_two_equal_integrators_cross_twice_at_once",
-        "delay_systems/test_sweep.py::test_integrator_crosses_at_odd_quarter_turns",
+        "delay_systems/crossings/test_frequency_sweep.py::test_root_at_zero_for_every_delay",
+        "delay_systems/crossings/test_frequency_sweep.py::test_root_on_the_axis_at_the_start",
+        "delay_systems/crossings/test_frequency_sweep.py::test_tangential_touch_is_no_crossing",
+        "delay_systems/crossings/test_frequency_sweep.py::test_double_root_on_the_axis",
+        "delay_systems/crossings/test_frequency_sweep.py::test_two_equal_integrators_cross_twice_at_once",
+        "delay_systems/crossings/test_frequency_sweep.py::test_integrator_crosses_at_odd_quarter_turns",
         "test_traps.py::test_zero_and_equal_delays_in_a_sweep",
     ],
     "spurious eigenvalues at large delays": [
-        "delay_systems/test_roots.py::test_spurious_starts_are_dropped_and_duplicates_merged",
-        "delay_systems/test_roots.py::test_large_delay_roots_are_not_spurious",
+        "delay_systems/roots/test_rightmost.py::test_spurious_starts_are_dropped_and_duplicates_merged",
+        "delay_systems/roots/test_rightmost.py::test_large_delay_roots_are_not_spurious",
     ],
     "the delay margin is the least over all crossovers": [
         "delay_systems/test_python_control.py::"
         "test_delay_margin_is_the_least_over_all_crossovers_not_that_of_the_smallest_phase_margin",
     ],
     "norms of unstable systems, H2 with a direct feedthrough": [
-        "delay_systems/test_norms.py::test_unstable_and_undecided_systems_are_refused",
-        "delay_systems/test_norms.py::test_h2_is_infinite_with_direct_feedthrough",
+        "delay_systems/frequency/test_norms.py::test_unstable_and_undecided_systems_are_refused",
+        "delay_systems/frequency/test_norms.py::test_h2_is_infinite_with_direct_feedthrough",
         "test_traps.py::test_h2_from_force_to_body_acceleration_is_infinite",
     ],
     "many local minima, slow convergence of the ring, optimum on the lower bound": [

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
-from susp_ctrl.delay_systems.lft import Realization
+from susp_ctrl.delay_systems.model.lft import Realization
+from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
 from susp_ctrl.errors import InputError
 
 

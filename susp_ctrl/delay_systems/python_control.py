@@ -16,13 +16,13 @@ from control.lti import LTI
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.discretization import spectral_approximation
-from susp_ctrl.delay_systems.pade import close_bank, pade_approximation, pade_bank
+from susp_ctrl.delay_systems.approximation.pade import close_bank, pade_approximation, pade_bank
+from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
 from susp_ctrl.errors import InputError
 
 if TYPE_CHECKING:
-    from susp_ctrl.delay_systems.delay_lti import DelayLTI
-    from susp_ctrl.delay_systems.margins import StabilityMargins
+    from susp_ctrl.delay_systems.frequency.margins import StabilityMargins
+    from susp_ctrl.delay_systems.model.system import DelayLTI
 
 
 class PythonControlMethods:
@@ -98,7 +98,7 @@ class PythonControlMethods:
         ndarray of complex
             Characteristic roots (rad/s) by descending real part; see `characteristic_roots`.
         """
-        from susp_ctrl.delay_systems.roots import characteristic_roots
+        from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
 
         if count is not None:
             return characteristic_roots(self._system, count)
@@ -127,7 +127,7 @@ class PythonControlMethods:
         InputError
             Numbers of inputs and outputs differ.
         """
-        from susp_ctrl.delay_systems.zeros import transmission_zeros
+        from susp_ctrl.delay_systems.frequency.zeros import transmission_zeros
 
         return transmission_zeros(self._system, count)
 
@@ -172,7 +172,7 @@ class PythonControlMethods:
 
     def margins(self, omega_range: tuple[float, float] | None = None) -> StabilityMargins:
         """Return gain, phase and delay margins, least over all crossovers; see `stability_margins`."""
-        from susp_ctrl.delay_systems.margins import stability_margins
+        from susp_ctrl.delay_systems.frequency.margins import stability_margins
 
         return stability_margins(self._system, omega_range)
 
@@ -186,7 +186,7 @@ class PythonControlMethods:
         timepts : array_like, optional
             Times (s), increasing from zero or later.
         """
-        from susp_ctrl.delay_systems.standard_responses import step_response
+        from susp_ctrl.delay_systems.simulation.standard_responses import step_response
 
         return step_response(self._system, timepts)
 
@@ -198,7 +198,7 @@ class PythonControlMethods:
         timepts : array_like, optional
             Times (s), increasing from zero or later.
         """
-        from susp_ctrl.delay_systems.standard_responses import impulse_response
+        from susp_ctrl.delay_systems.simulation.standard_responses import impulse_response
 
         return impulse_response(self._system, timepts)
 
@@ -206,13 +206,13 @@ class PythonControlMethods:
         self, timepts: ArrayLike, inputs: Any = None, **kwargs: Any
     ) -> control.TimeResponseData:
         """Return the exact response to given inputs; see `simulate`."""
-        from susp_ctrl.delay_systems.simulation import simulate
+        from susp_ctrl.delay_systems.simulation.time_response import simulate
 
         return simulate(self._system, timepts, inputs, **kwargs)
 
     def initial_response(self, timepts: ArrayLike, history: Any, **kwargs: Any) -> control.TimeResponseData:
         """Return the exact free response from a given past; `history` as in `simulate`."""
-        from susp_ctrl.delay_systems.simulation import simulate
+        from susp_ctrl.delay_systems.simulation.time_response import simulate
 
         return simulate(self._system, timepts, None, history=history, **kwargs)
 
@@ -221,7 +221,7 @@ class PythonControlMethods:
         return cast("DelayLTI", self)
 
     def _frequencies(self, omega: ArrayLike | None) -> np.ndarray:
-        from susp_ctrl.delay_systems.frequency_range import default_frequencies
+        from susp_ctrl.delay_systems.frequency.frequency_range import default_frequencies
 
         return default_frequencies(self._system) if omega is None else validation.vector("omega", omega)
 

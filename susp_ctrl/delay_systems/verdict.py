@@ -2,9 +2,9 @@ r"""The stability verdict: three methods, one answer, or none.
 
 * *roots*: the rightmost roots are computed and those with positive real part counted;
 * *argument principle*: the phase of the characteristic determinant along the imaginary axis counts them without
-  computing any (`susp_ctrl.delay_systems.argument_principle`);
+  computing any (`susp_ctrl.delay_systems.roots.argument_principle`);
 * *sweep*: starting from the loop without delay, all delays grow in proportion to their full size and every
-  crossing of the imaginary axis is followed (`susp_ctrl.delay_systems.frequency_sweep`).
+  crossing of the imaginary axis is followed (`susp_ctrl.delay_systems.crossings.frequency_sweep`).
 
 A loop is called stable or unstable only if the methods agree, and stable only if the argument principle also
 counts, right of a line just left of the rightmost root, as many roots as were found there: no unstable root found is
@@ -22,12 +22,12 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from susp_ctrl.delay_systems.argument_principle import ContourError, abscissa_by_counts, count_right_of
-from susp_ctrl.delay_systems.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.delay_lti import DelayLTI, as_delay_lti
-from susp_ctrl.delay_systems.frequency_sweep import sweep_delays
-from susp_ctrl.delay_systems.lft import ComplexArray
-from susp_ctrl.delay_systems.roots import (
+from susp_ctrl.delay_systems.crossings.frequency_sweep import sweep_delays
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.model.lft import ComplexArray
+from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.roots.argument_principle import ContourError, abscissa_by_counts, count_right_of
+from susp_ctrl.delay_systems.roots.rightmost import (
     FIRST_ANGLE,
     RootSet,
     is_complete,

@@ -17,7 +17,7 @@ from susp_ctrl.report.blocks import Block, Box, Equations, Figure, Heading, Sect
 from susp_ctrl.report.formatting import prose, sentence
 
 if TYPE_CHECKING:
-    from susp_ctrl.study.result import StudyRun
+    from susp_ctrl.study.results.study_run import StudyRun
 
 DATA_FILE = "report.json"
 _WHOLE_ROWS = 16  # tables up to this length are not broken over pages
@@ -190,7 +190,7 @@ def is_shown(block: Block) -> bool:
 
 
 def _source(name: str) -> bytes:
-    return files("susp_ctrl.report").joinpath(name).read_bytes()
+    return files("susp_ctrl.report").joinpath("assets", name).read_bytes()
 
 
 def _table_size(table: Table, rows: list[dict[str, Any]]) -> tuple[float, float]:

@@ -18,7 +18,7 @@ from susp_ctrl.report.formatting import prose, signal_text, symbol_text, unit_te
 from susp_ctrl.report.sections.maps import axis_label, axis_scale
 
 if TYPE_CHECKING:
-    from susp_ctrl.study.map_result import FloatArray, MapExplorer
+    from susp_ctrl.study.results.maps import FloatArray, MapExplorer
 
 _DIGITS = np.frombuffer(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_", dtype=np.uint8)
 _HALF = 2047  # steps from 0 to the peak: far finer than a screen
@@ -122,4 +122,4 @@ def _short(value: float) -> float:
 
 
 def _source(name: str) -> str:
-    return files("susp_ctrl.report").joinpath(name).read_text(encoding="utf-8")
+    return files("susp_ctrl.report").joinpath("assets", name).read_text(encoding="utf-8")

@@ -19,8 +19,8 @@ from susp_ctrl.report.formatting import prose, sentence
 from susp_ctrl.report.sections.maps import figure_key
 
 if TYPE_CHECKING:
-    from susp_ctrl.study.map_result import MapExplorer
-    from susp_ctrl.study.result import StudyRun
+    from susp_ctrl.study.results.maps import MapExplorer
+    from susp_ctrl.study.results.study_run import StudyRun
 
 _TOOLS = (
     '<span class="tools"><button>+</button><button>−</button><button title="whole plot">⟲</button></span>'
@@ -71,7 +71,7 @@ def write_page(
         "footer": escape(footer(run)),
         "script": explorer_script() if explorers else "",
     }
-    template = files("susp_ctrl.report").joinpath("page.html").read_text(encoding="utf-8")
+    template = files("susp_ctrl.report").joinpath("assets", "page.html").read_text(encoding="utf-8")
     page = re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match.group(1)], template)
     target = folder / name
     target.write_text(page, encoding="utf-8")

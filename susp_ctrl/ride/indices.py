@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride.comfort import exposure, mean_square
-from susp_ctrl.ride.signals import (
+from susp_ctrl.ride.indicators import (
     COMFORT_WEIGHTS,
     VehicleLike,
     indicator_signals,

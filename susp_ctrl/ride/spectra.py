@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError, UnstableSystemError
-from susp_ctrl.ride.signals import COMFORT_WEIGHTS, indicator_signals, seat_combination
+from susp_ctrl.ride.indicators import COMFORT_WEIGHTS, indicator_signals, seat_combination
 from susp_ctrl.ride.weighting import iso2631_weighting
 
 FloatArray = NDArray[np.float64]

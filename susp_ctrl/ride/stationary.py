@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError
+from susp_ctrl.ride.indicators import VehicleLike, signal_unit
 from susp_ctrl.ride.indices import Row, comfort_total
 from susp_ctrl.ride.quadrature import integrate_spectra
-from susp_ctrl.ride.signals import VehicleLike, signal_unit
 from susp_ctrl.ride.spectra import RoadResponse, require_stable
 
 FloatArray = NDArray[np.float64]

@@ -12,7 +12,7 @@ from susp_ctrl.road.harmonic import HarmonicRoad
 from susp_ctrl.road.iso8608 import ISO_8608_CLASSES, Iso8608Spectrum
 from susp_ctrl.road.measured import MeasuredRoad
 from susp_ctrl.road.random_road import RandomRoad
-from susp_ctrl.road.signals import RoadSignal
+from susp_ctrl.road.road_signals import RoadSignal
 from susp_ctrl.road.two_tracks import TwoTrackRoad
 
 __all__ = [

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from susp_ctrl import validation
-from susp_ctrl.road.signals import Road, RoadSignal
+from susp_ctrl.road.road_signals import Road, RoadSignal
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError
 from susp_ctrl.road.iso8608 import REFERENCE_WAVENUMBER, class_and_level
-from susp_ctrl.road.signals import RoadSignal, SpectralRoad
+from susp_ctrl.road.road_signals import RoadSignal, SpectralRoad
 
 FloatArray = NDArray[np.float64]
 

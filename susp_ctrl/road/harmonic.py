@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError
-from susp_ctrl.road.signals import Lines, Road, RoadSignal
+from susp_ctrl.road.road_signals import Lines, Road, RoadSignal
 
 FloatArray = NDArray[np.float64]
 

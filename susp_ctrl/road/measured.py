@@ -17,7 +17,7 @@ from scipy.signal import welch
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError
 from susp_ctrl.road.iso8608 import REFERENCE_WAVENUMBER, Iso8608Spectrum
-from susp_ctrl.road.signals import RoadSignal, SpectralRoad
+from susp_ctrl.road.road_signals import RoadSignal, SpectralRoad
 
 FloatArray = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl import validation
 from susp_ctrl.road.iso8608 import Iso8608Spectrum, class_and_level
-from susp_ctrl.road.signals import Lines, RoadSignal, SpectralRoad
+from susp_ctrl.road.road_signals import Lines, RoadSignal, SpectralRoad
 from susp_ctrl.road.sine_sum import sine_sum
 
 FloatArray = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError
 from susp_ctrl.road.random_road import RandomRoad, sine_signal
-from susp_ctrl.road.signals import Lines, Road, RoadSignal, checked_lags
+from susp_ctrl.road.road_signals import Lines, Road, RoadSignal, checked_lags
 
 FloatArray = NDArray[np.float64]
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from susp_ctrl.study.parameter_sweep import sweep
 from susp_ctrl.study.run import compute_study
-from susp_ctrl.study.sampling_plan import Grid, LatinHypercube, MonteCarlo
-from susp_ctrl.study.study_file import Study, load_study
-from susp_ctrl.study.sweep_result import SweepResult
-from susp_ctrl.study.variation import Factor, Range, Tolerance
+from susp_ctrl.study.settings.study_file import Study, load_study
+from susp_ctrl.study.settings.variation import Factor, Range, Tolerance
+from susp_ctrl.study.variants.parameter_sweep import sweep
+from susp_ctrl.study.variants.sampling_plan import Grid, LatinHypercube, MonteCarlo
+from susp_ctrl.study.variants.sweep_result import SweepResult
 
 __all__ = [
     "Factor",

@@ -12,19 +12,19 @@ import pandas as pd
 
 from susp_ctrl import __version__, validation
 from susp_ctrl.ride import signal_unit
-from susp_ctrl.study.audit import Computed, audit_section
-from susp_ctrl.study.frequency_section import frequency_section
-from susp_ctrl.study.headlines import headlines
-from susp_ctrl.study.map_section import stability_maps
-from susp_ctrl.study.pade_section import pade_case
-from susp_ctrl.study.pade_verdicts import pade_verdicts
-from susp_ctrl.study.result import PadeCase, Provenance, StabilityMapCase, StudyRun, VehicleSection
-from susp_ctrl.study.stability_section import stability_section
-from susp_ctrl.study.study_file import Study
-from susp_ctrl.study.time_section import time_case
-from susp_ctrl.study.tuning_section import tuning_run
-from susp_ctrl.study.units import PAPER_SYMBOLS, parameter_unit, readable
-from susp_ctrl.study.workbench import Report, Workbench
+from susp_ctrl.study.audit.audit import Computed, audit_section
+from susp_ctrl.study.results.study_run import PadeCase, Provenance, StabilityMapCase, StudyRun, VehicleSection
+from susp_ctrl.study.sections.delay_stability import stability_section
+from susp_ctrl.study.sections.frequency import frequency_section
+from susp_ctrl.study.sections.headlines import headlines
+from susp_ctrl.study.sections.maps import stability_maps
+from susp_ctrl.study.sections.pade import pade_case
+from susp_ctrl.study.sections.pade_verdicts import pade_verdicts
+from susp_ctrl.study.sections.time import time_case
+from susp_ctrl.study.sections.tuning import tuning_run
+from susp_ctrl.study.sections.workbench import Report, Workbench
+from susp_ctrl.study.settings.study_file import Study
+from susp_ctrl.study.settings.units import PAPER_SYMBOLS, parameter_unit, readable
 from susp_ctrl.vehicle import HalfCar
 
 Progress = Callable[[str, float], None]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems import DelayLTI, spectral_abscissa
-from susp_ctrl.delay_systems.lft import Realization
+from susp_ctrl.delay_systems.model.lft import Realization
 from susp_ctrl.tuning.sampling import ControlledPlant
 
 FloatArray = NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from susp_ctrl.delay_systems import small_gain_of_samples
-from susp_ctrl.delay_systems.lft import Realization, sample_plant
+from susp_ctrl.delay_systems.model.lft import Realization, sample_plant
 
 FloatArray = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from susp_ctrl.delay_systems import small_gain_supremum
-from susp_ctrl.delay_systems.lft import Realization, return_determinant, sample_plant
+from susp_ctrl.delay_systems.model.lft import Realization, return_determinant, sample_plant
 from susp_ctrl.errors import InputError
 from susp_ctrl.tuning.counting_grid import counting_grid
 from susp_ctrl.tuning.sampling import channel_exponentials, frequencies_contiguous

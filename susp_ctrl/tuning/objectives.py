@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.lft import SampledPlant, lft_response
+from susp_ctrl.delay_systems.model.lft import SampledPlant, lft_response
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride import iso2631_weighting
-from susp_ctrl.tuning.quadrature import resonance_rule
+from susp_ctrl.tuning.resonance_rule import resonance_rule
 from susp_ctrl.tuning.sampling import ControlledPlant, channel_exponentials
 
 FloatArray = NDArray[np.float64]

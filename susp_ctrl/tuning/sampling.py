@@ -1,6 +1,6 @@
 r"""The controlled plant, sampled once for a whole search.
 
-With P the plant whose tuned paths are cut open (`susp_ctrl.delay_systems.lft`), l the vector of road delays and
+With P the plant whose tuned paths are cut open (`susp_ctrl.delay_systems.model.lft`), l the vector of road delays and
 selected rows only, a search needs
 
 .. math:: h = P_{11} l + P_{12} E (I - P_{22} E)^{-1} P_{21} l, \quad l_k = e^{-j \omega \lambda_k},
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.lft import Realization, SampledPlant, sample_plant
+from susp_ctrl.delay_systems.model.lft import Realization, SampledPlant, sample_plant
 from susp_ctrl.errors import InputError
 
 FloatArray = NDArray[np.float64]

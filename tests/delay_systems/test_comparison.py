@@ -9,8 +9,8 @@ import pytest
 from scipy.special import lambertw
 
 import susp_ctrl as sc
+from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
 from susp_ctrl.delay_systems.comparison import relative_error
-from susp_ctrl.delay_systems.discretization import spectral_approximation
 
 A, K, TAU = 0.5, 1.2, 0.8
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import susp_ctrl as sc
-from susp_ctrl.delay_systems.delay_lti import as_delay_lti
+from susp_ctrl.delay_systems.model.system import as_delay_lti
 
 
 def state_delay_response(A, delays, B, C, s):

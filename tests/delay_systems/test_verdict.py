@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import susp_ctrl as sc
-from susp_ctrl.delay_systems import roots as roots_module
 from susp_ctrl.delay_systems import verdict as verdict_module
+from susp_ctrl.delay_systems.roots import rightmost as roots_module
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
 

@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 
 from susp_ctrl.delay_systems import FeedbackChannel
-from susp_ctrl.report.result import StudyResult
+from susp_ctrl.report.study_result import StudyResult
 from susp_ctrl.study import Study
-from susp_ctrl.study.result import (
+from susp_ctrl.study.results.delay_stability import DelayIndependence, DelayLine, StabilitySection
+from susp_ctrl.study.results.study_run import (
     AuditSection,
     Design,
     FrequencySection,
@@ -20,7 +21,6 @@ from susp_ctrl.study.result import (
     TuningRun,
     VehicleSection,
 )
-from susp_ctrl.study.stability_result import DelayIndependence, DelayLine, StabilitySection
 
 OUTPUTS = (
     "body_acceleration",

@@ -17,8 +17,8 @@ import pytest
 from map_case import POINTS, map_case, map_explorer
 
 from susp_ctrl.report.page import write_page
-from susp_ctrl.report.result import StudyResult
-from susp_ctrl.study.result import StudyRun
+from susp_ctrl.report.study_result import StudyResult
+from susp_ctrl.study.results.study_run import StudyRun
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 

@@ -10,8 +10,8 @@ import pytest
 
 from susp_ctrl.report.blocks import Column, Table
 from susp_ctrl.report.looks import looks
-from susp_ctrl.report.result import StudyResult
-from susp_ctrl.study.result import Design, StudyRun
+from susp_ctrl.report.study_result import StudyResult
+from susp_ctrl.study.results.study_run import Design, StudyRun
 
 
 def _table(result: StudyResult, key: str) -> Table:

@@ -16,8 +16,8 @@ import pytest
 
 from susp_ctrl.report import document
 from susp_ctrl.report.document import NO_TYPST, payload, write_pdf
-from susp_ctrl.report.result import StudyResult
-from susp_ctrl.study.result import StudyRun
+from susp_ctrl.report.study_result import StudyResult
+from susp_ctrl.study.results.study_run import StudyRun
 
 typst = pytest.importorskip("typst")
 

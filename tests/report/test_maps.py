@@ -14,9 +14,9 @@ from map_case import map_case, map_explorer
 from susp_ctrl.report.document import payload, write_pdf
 from susp_ctrl.report.explorer import explorer_data, explorer_html, packed
 from susp_ctrl.report.page import write_page
-from susp_ctrl.report.result import StudyResult
 from susp_ctrl.report.sections.maps import maps_section
-from susp_ctrl.study.result import StudyRun
+from susp_ctrl.report.study_result import StudyResult
+from susp_ctrl.study.results.study_run import StudyRun
 
 DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 

@@ -13,8 +13,8 @@ import pytest
 
 from susp_ctrl.report.blocks import Column, Table
 from susp_ctrl.report.page import table_html, write_page
-from susp_ctrl.report.result import StudyResult
-from susp_ctrl.study.result import StudyRun
+from susp_ctrl.report.study_result import StudyResult
+from susp_ctrl.study.results.study_run import StudyRun
 
 _VOID = {"meta", "br", "link", "img", "input", "hr"}
 

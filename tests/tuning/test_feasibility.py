@@ -9,7 +9,7 @@ from oracles import characteristic_function
 from tuning.tuning_case import PAIRS, random_designs
 
 from susp_ctrl.delay_systems import FeedbackChannel, loop_plant
-from susp_ctrl.delay_systems.lft import Realization
+from susp_ctrl.delay_systems.model.lft import Realization
 from susp_ctrl.errors import InputError
 from susp_ctrl.tuning.counting_grid import counting_grid
 from susp_ctrl.tuning.feasibility import StabilityTest

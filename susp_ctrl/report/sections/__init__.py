@@ -16,7 +16,7 @@ from susp_ctrl.report.sections.tuning import tuning_section
 from susp_ctrl.report.sections.vehicle import model_section, parameters_section
 
 if TYPE_CHECKING:
-    from susp_ctrl.study.result import StudyRun
+    from susp_ctrl.study.results.study_run import StudyRun
 
 
 def sections_of(run: StudyRun) -> tuple[Section, ...]:

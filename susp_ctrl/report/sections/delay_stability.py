@@ -14,8 +14,8 @@ from susp_ctrl.report.looks import labels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from susp_ctrl.study.result import StudyRun
-    from susp_ctrl.study.stability_result import DelayIndependence, DelayLine, StabilitySection
+    from susp_ctrl.study.results.delay_stability import DelayIndependence, DelayLine, StabilitySection
+    from susp_ctrl.study.results.study_run import StudyRun
 
 
 def stability_section(run: StudyRun) -> Section | None:

@@ -14,7 +14,7 @@ from susp_ctrl.report.looks import labels, looks
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from susp_ctrl.study.result import FrequencySection, StudyRun
+    from susp_ctrl.study.results.study_run import FrequencySection, StudyRun
 
 _ROADS = (
     " “Lagged” means that the same road meets the following wheels later by the travel time over the wheelbase, “in "

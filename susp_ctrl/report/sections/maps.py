@@ -15,8 +15,8 @@ from susp_ctrl.report.looks import labels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from susp_ctrl.study.map_result import MapAxis, StabilityMapCase
-    from susp_ctrl.study.result import StudyRun
+    from susp_ctrl.study.results.maps import MapAxis, StabilityMapCase
+    from susp_ctrl.study.results.study_run import StudyRun
 
 
 def maps_section(run: StudyRun) -> Section | None:

@@ -18,7 +18,7 @@ from susp_ctrl.report.sections.pade_orders import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from susp_ctrl.study.result import PadeCase, StudyRun
+    from susp_ctrl.study.results.study_run import PadeCase, StudyRun
 
 _ERRORS = {
     "frequency_error": ("frequency response", "relative"),

@@ -14,7 +14,7 @@ from susp_ctrl.report.looks import labels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from susp_ctrl.study.result import StudyRun
+    from susp_ctrl.study.results.study_run import StudyRun
 
 _ERROR_WORDS = {
     "frequency_error": "frequency response, whole band",

@@ -10,7 +10,7 @@ import pandas as pd
 from susp_ctrl.report.blocks import Column, Section, Table, Text
 
 if TYPE_CHECKING:
-    from susp_ctrl.study.result import StudyRun
+    from susp_ctrl.study.results.study_run import StudyRun
 
 
 def all_versions(run: StudyRun) -> dict[str, str]:

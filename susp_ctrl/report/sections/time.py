@@ -15,7 +15,7 @@ from susp_ctrl.report.looks import history_looks, labels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from susp_ctrl.study.result import StudyRun, TimeCase
+    from susp_ctrl.study.results.study_run import StudyRun, TimeCase
 
 METHODS = {"exact": "exact", "pade": "Padé", "stationary": "no simulation", "printed": "printed"}
 _DISPLAY = {"m": ("mm", 1000.0)}  # displayed unit and factor, by SI unit

@@ -12,7 +12,7 @@ from susp_ctrl.report.looks import labels, looks
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from susp_ctrl.study.result import StudyRun, TuningRun
+    from susp_ctrl.study.results.study_run import StudyRun, TuningRun
 
 _PAGE = 8.6  # inch; a higher figure would run off the page
 

@@ -11,7 +11,7 @@ from susp_ctrl.report.formatting import capital, exact_text, signal_text
 from susp_ctrl.report.looks import subscript
 
 if TYPE_CHECKING:
-    from susp_ctrl.study.result import StudyRun
+    from susp_ctrl.study.results.study_run import StudyRun
 
 _KINDS = {"half_car": "half car", "quarter_car": "quarter car", "full_car": "full car"}
 

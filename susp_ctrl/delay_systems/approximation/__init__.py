@@ -1,0 +1,1 @@
+"""What an ordinary state-space system would say: Padé and spectral approximations of the delays."""

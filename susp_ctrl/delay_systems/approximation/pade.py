@@ -1,0 +1,325 @@
+r"""Padé approximation of the delays: an ordinary state-space system beside the exact one.
+
+The diagonal Padé approximation of order n of :math:`e^{-s\tau}` is the all-pass
+
+.. math:: R_n(s) = \prod_k \frac{-(s + p_k)}{s - p_k}, \qquad p_k = 2 q_k/\tau,
+
+with :math:`q_k` the roots of the reverse Bessel polynomial of degree n, which are the poles of the Bessel
+filter normalised to unit delay. From polynomial coefficients (their size grows with the factorial of the order)
+neither the poles nor the time response survive rounding. Here each pair of poles is one section
+
+.. math:: \frac{\sigma^2 - a\sigma + b}{\sigma^2 + a\sigma + b}, \qquad \sigma = s\tau/2,
+
+realised so that its matrices satisfy :math:`A + A^T + B B^T = 0`. A cascade of such lossless sections is
+lossless again, so its norm cannot grow whatever the order, and the time response stays right.
+
+References
+----------
+.. [1] J. Lam, "Model reduction of delay systems using Padé approximants", Int. J. Control 57(2), 1993.
+.. [2] W. E. Thomson, "Delay networks having maximally flat frequency characteristics", Proc. IEE 96, 1949.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import control
+import numpy as np
+import scipy.linalg
+import scipy.signal
+from numpy.typing import ArrayLike
+
+from susp_ctrl import validation
+from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.delay_systems.model.transfer_functions import state_space
+from susp_ctrl.errors import InputError, PadeOrderWarning
+
+if TYPE_CHECKING:
+    from susp_ctrl.delay_systems.model.system import DelayLTI
+
+HIGHEST_ORDER = 60
+
+
+class DelayBank(NamedTuple):
+    """State-space matrices from all delayed signals z to their delayed, weighted values w."""
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+
+
+def pade_approximation(
+    sys: DelayLTI, order: int | Sequence[int], omega_max: float | None = None
+) -> control.StateSpace:
+    r"""Replace every delay by its diagonal Padé approximation.
+
+    Parameters
+    ----------
+    sys : DelayLTI
+        System with exact delays.
+    order : int or sequence of int, shape (n_delays,)
+        Order for all delays, or one for each of ``sys.delays``; 1 to 60. A delay of zero or without effect
+        needs no approximation and adds no states.
+    omega_max : float, optional
+        Highest frequency (rad/s) that matters; a warning is given where the order is too low for it.
+
+    Returns
+    -------
+    control.StateSpace
+        Inputs and outputs as in `sys` (one ``idle`` input if it has none); its states are those of `sys`, then
+        `order` for each delayed signal.
+
+    Raises
+    ------
+    InputError
+        An order outside 1 to 60, or not one for each delay.
+
+    Warns
+    -----
+    PadeOrderWarning
+        A delay whose phase error at `omega_max` exceeds 0.01 rad; the message names the order needed.
+
+    Notes
+    -----
+    About ``omega tau / 2 + 4`` is needed up to the frequency omega. Lower orders are wrong in both directions:
+    stable loops can appear unstable and unstable ones stable. Eigenvalues far to the left, where ``|e^{-s tau}|``
+    exceeds 1e12, are those of rounding.
+    """
+    orders = _orders(sys, order)
+    if omega_max is not None:
+        _warn_if_low(sys, orders, validation.number("omega_max", omega_max, above=0.0))
+    bank = pade_bank(orders, sys)
+    names = [f"pade[{k}][{j}]" for k, n in enumerate(_channel_orders(sys, orders)) for j in range(n)]
+    return close_bank(sys, bank, names)
+
+
+def pade_order(sys: DelayLTI, omega_max: float, tolerance: float = 1e-2) -> int:
+    """Return the lowest order whose all-pass phase error stays below a tolerance up to a frequency.
+
+    Parameters
+    ----------
+    sys : DelayLTI
+        System with exact delays; its largest delay at work decides.
+    omega_max : float
+        Upper end of the band (rad/s).
+    tolerance : float, optional
+        Largest phase error (rad) of a delay in the band, which is also the error of ``e^{-j omega tau}``.
+
+    Returns
+    -------
+    int
+        At least 1; about ``omega_max * tau / 2 + 4``.
+
+    Raises
+    ------
+    InputError
+        A band or tolerance that is not positive, or an order above 60 would be needed.
+
+    Notes
+    -----
+    The phase error grows with frequency, so that the band's end decides: the group delay of the approximation
+    falls short of tau by ``tau x^{2n}/|theta_n(jx)|^2 > 0``, ``x = omega tau/2``, with the reverse Bessel
+    polynomial ``theta_n``.
+    """
+    omega = validation.number("omega_max", omega_max, above=0.0)
+    allowed = validation.number("tolerance", tolerance, above=0.0)
+    longest = float(np.max(sys.channel_delays[_at_work(sys)], initial=0.0))
+    needed = _order_needed(omega * longest, allowed)
+    if needed is None:
+        raise InputError(
+            f"omega_max = {omega:g} with a delay of {longest:g} s needs a Padé order above {HIGHEST_ORDER}: "
+            "a lower omega_max or an exact method is needed"
+        )
+    return needed
+
+
+def pade_phase_error(order: int, angle: ArrayLike) -> FloatArray:
+    """Return the phase of the Padé all-pass minus that of the delay, at ``angle = omega * tau`` (rad).
+
+    Parameters
+    ----------
+    order : int
+        Order of the approximation.
+    angle : array_like
+        ``omega * tau`` in radians, not negative.
+
+    Returns
+    -------
+    ndarray
+        Positive: the approximation turns too little. Zero for the exact delay.
+    """
+    x = np.asarray(angle, dtype=float) / 2.0
+    damping, stiffness = _sections(order)
+    turned = 2.0 * np.arctan2(damping * x[..., None], stiffness - x[..., None] ** 2).sum(axis=-1)
+    if order % 2:
+        turned = turned + 2.0 * np.arctan2(x, _real_pole(order))
+    return np.asarray(2.0 * x - turned)
+
+
+def close_bank(sys: DelayLTI, bank: DelayBank, names: Sequence[str]) -> control.StateSpace:
+    """Close the undelayed plant of `sys` with a finite-dimensional bank ``w = bank(z)`` for its delays.
+
+    Parameters
+    ----------
+    sys : DelayLTI
+        The system whose plant, inputs and outputs are kept.
+    bank : DelayBank
+        Matrices with ``sys.realization.n_channels`` inputs and outputs, gains included.
+    names : sequence of str
+        Names of the bank's states, which follow those of `sys`.
+
+    Returns
+    -------
+    control.StateSpace
+        With one input ``idle`` that acts on nothing if `sys` has no input.
+    """
+    r = sys.realization
+    around = np.eye(r.n_channels) - r.D22 @ bank.D
+    # z = around^-1 (C2 x + D22 Cd xd + D21 u), w = Cd xd + Dd z
+    z = np.linalg.solve(around, np.hstack([r.C2, r.D22 @ bank.C, r.D21]))
+    w = bank.D @ z
+    n, q = r.n_states, r.n_inputs
+    w[:, n : n + bank.A.shape[0]] += bank.C
+    state = np.vstack([r.B2 @ w, bank.B @ z])
+    state[:n, :n] += r.A
+    state[n:, n : state.shape[1] - q] += bank.A
+    state[:n, state.shape[1] - q :] += r.B1
+    output = r.D12 @ w
+    output[:, :n] += r.C1
+    output[:, output.shape[1] - q :] += r.D11
+    total = state.shape[0]
+    return state_space(
+        state[:, :total],
+        state[:, total:],
+        output[:, :total],
+        output[:, total:],
+        inputs=sys.input_labels,
+        outputs=sys.output_labels,
+        states=[*sys.state_labels, *names],
+    )
+
+
+def pade_cascade(order: int, delay: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Return A, B, C, D of the Padé all-pass of one delay (s) as a cascade of lossless real sections.
+
+    Parameters
+    ----------
+    order : int
+        At least 1.
+    delay : float
+        Positive.
+
+    Returns
+    -------
+    A : ndarray, shape (order, order)
+    B : ndarray, shape (order,)
+    C : ndarray, shape (order,)
+    D : float
+        ``(-1)**order``.
+    """
+    A, B, C, D = _unit_cascade(order)
+    rate = 2.0 / delay
+    return A * rate, B * rate, C, D
+
+
+@lru_cache(maxsize=128)
+def _unit_cascade(order: int) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """The cascade in scaled time ``sigma = s tau/2``; the signal runs from the last states to the first.
+
+    In this order A is upper quasi-triangular, so that an eigenvalue solver finds the poles in its diagonal
+    blocks: the poles of a lossless system are otherwise as sensitive to rounding as those of its polynomial.
+    """
+    damping, stiffness = _sections(order)
+    A, B, C = np.zeros((order, order)), np.zeros(order), np.zeros(order)
+    D, first = 1.0, order
+    if order % 2:
+        # (p - sigma)/(p + sigma)
+        pole, first = _real_pole(order), order - 1
+        A[first, first], B[first], C[first], D = -pole, np.sqrt(2.0 * pole), np.sqrt(2.0 * pole), -1.0
+    for a, b in zip(damping, stiffness, strict=True):
+        # 1 - 2 a sigma/(sigma^2 + a sigma + b), driven by the output of the sections before it
+        root, weight, before, first = np.sqrt(b), np.sqrt(2.0 * a), slice(first, order), first - 2
+        A[first, first + 1], A[first + 1, first], A[first + 1, first + 1] = root, -root, -a
+        A[first + 1, before], B[first + 1] = weight * C[before], weight * D
+        C[first + 1] = -weight
+    for array in (A, B, C):
+        array.setflags(write=False)
+    return A, B, C, D
+
+
+@lru_cache(maxsize=128)
+def _bessel_poles(order: int) -> np.ndarray:
+    return np.asarray(scipy.signal.besselap(order, norm="delay")[1])
+
+
+def _sections(order: int) -> tuple[FloatArray, FloatArray]:
+    """Coefficients a, b of the second-order factors ``sigma^2 + a sigma + b``."""
+    pairs = _bessel_poles(order)
+    upper = pairs[pairs.imag > 1e-6]
+    return -2.0 * upper.real, np.abs(upper) ** 2
+
+
+def _real_pole(order: int) -> float:
+    poles = _bessel_poles(order)
+    return -float(poles[np.argmin(np.abs(poles.imag))].real)
+
+
+def _orders(sys: DelayLTI, order: int | Sequence[int]) -> tuple[int, ...]:
+    if not isinstance(order, (Sequence, np.ndarray)):
+        return (validation.integer("order", order, at_least=1, at_most=HIGHEST_ORDER),) * sys.delays.size
+    given = validation.sequence("order", order)
+    if len(given) != sys.delays.size:
+        raise InputError(f"order has {len(given)} entries: one for each of {sys.delays.size} delays needed")
+    return tuple(
+        validation.integer(f"order[{k}]", n, at_least=1, at_most=HIGHEST_ORDER) for k, n in enumerate(given)
+    )
+
+
+def _at_work(sys: DelayLTI) -> np.ndarray:
+    """Delayed signals that have a delay and act on something."""
+    r = sys.realization
+    acts = np.any(np.vstack([r.B2, r.D12, r.D22]) * sys.channel_gains != 0.0, axis=0)
+    return np.asarray(acts & (sys.channel_delays > 0.0))
+
+
+def _channel_orders(sys: DelayLTI, orders: tuple[int, ...]) -> np.ndarray:
+    """Order of every delayed signal, zero where it needs no states."""
+    return np.where(_at_work(sys), np.repeat(orders, sys.widths), 0).astype(int)
+
+
+def pade_bank(orders: tuple[int, ...], sys: DelayLTI) -> DelayBank:
+    """Return the Padé cascades of all delayed signals, gains included; delay-free ones pass directly."""
+    parts = []
+    for n, tau, gain in zip(_channel_orders(sys, orders), sys.channel_delays, sys.channel_gains, strict=True):
+        if n == 0:
+            parts.append((np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), gain))
+            continue
+        A, B, C, D = pade_cascade(int(n), tau)
+        parts.append((A, B[:, None], gain * C[None, :], gain * D))
+    if not parts:
+        return DelayBank(*(np.zeros((0, 0)) for _ in range(4)))
+    A, B, C, _ = (scipy.linalg.block_diag(*blocks) for blocks in zip(*parts, strict=True))
+    return DelayBank(A, B, C, np.diag([part[3] for part in parts]))
+
+
+def _order_needed(angle: float, tolerance: float) -> int | None:
+    for order in range(1, HIGHEST_ORDER + 1):
+        if pade_phase_error(order, angle) <= tolerance:
+            return order
+    return None
+
+
+def _warn_if_low(sys: DelayLTI, orders: tuple[int, ...], omega: float) -> None:
+    for n, tau in zip(_channel_orders(sys, orders), sys.channel_delays, strict=True):
+        if n and pade_phase_error(int(n), omega * tau) > 1e-2:
+            needed = _order_needed(omega * tau, 1e-2) or f"more than {HIGHEST_ORDER}"
+            warnings.warn(
+                f"Padé order {n} is too low for a delay of {tau:g} s up to {omega:g} rad/s: {needed} is needed",
+                PadeOrderWarning,
+                stacklevel=3,
+            )
+            return

@@ -1,0 +1,1 @@
+"""For which delays along a line a root crosses the imaginary axis, and at what frequency."""

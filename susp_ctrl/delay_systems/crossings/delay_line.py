@@ -1,0 +1,315 @@
+r"""A line in the space of delays, and the characteristic equation along it.
+
+On the imaginary axis the loop closed through ``w = E z`` has a root at :math:`j\omega` exactly where
+
+.. math::
+
+    W(\omega, y) = \begin{bmatrix} j\omega I - A & -B \\ -E C & I - E D \end{bmatrix},\qquad
+    E = \mathrm{diag}(e^{-j\varphi_k(\omega, y)})
+
+is singular. Unlike ``I - P(jw) E`` it has no poles, so an eigenvalue of A on the axis is no obstacle. Two
+coordinates y are in use:
+
+* `DelayCoordinate`: y is the parameter tau of the line, :math:`\varphi_k = \omega (s_k + d_k y)`;
+* `AngleCoordinate`: where all varying delays are integer multiples of one, y is its angle
+  :math:`\theta = \omega h \tau`, :math:`\varphi_k = \omega s_k + n_k y`: one turn stands for every tau.
+
+The degree of the map ``(omega, y) -> det W`` around a zero is the number of roots that cross from left to right
+there as tau grows, minus those that cross back, in both coordinates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Protocol
+
+import numpy as np
+import scipy.linalg
+
+from susp_ctrl.delay_systems.model.folding import fold
+from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.model.rounding import distance_to_singular, eigenvalues_with_uncertainty
+from susp_ctrl.delay_systems.model.system import DelayLTI
+
+_LARGEST_MULTIPLE = 12
+# Relative changes of the data that make the characteristic matrix singular: at s = 0, and at a pole on the axis,
+# which is known to some digits less.
+_SINGULAR = 1e-13
+_STAYS = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class LoopMatrices:
+    """Plant seen from the signals in the loop: ``x' = A x + B w, z = C x + D w``; balanced, gains absorbed."""
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+
+    @property
+    def n_states(self) -> int:
+        """Number of states."""
+        return self.A.shape[0]
+
+    @property
+    def n_channels(self) -> int:
+        """Number of delayed signals in the loop."""
+        return self.D.shape[0]
+
+    def closed(self, E: ComplexArray | FloatArray) -> ComplexArray | FloatArray:
+        """Return ``A + B E (I - D E)^-1 C`` for one diagonal `E`."""
+        return self.A + (self.B * E) @ np.linalg.solve(np.eye(self.n_channels) - self.D * E, self.C)
+
+    def undelayed_eigenvalues(self) -> tuple[ComplexArray, FloatArray]:
+        """Return the eigenvalues with every channel closed without delay, and how far rounding may move each."""
+        one = np.eye(self.n_channels)
+        terms = np.abs(self.A) + np.abs(self.B) @ np.abs(np.linalg.inv(one - self.D)) @ np.abs(self.C)
+        return eigenvalues_with_uncertainty(np.asarray(self.closed(np.ones(self.n_channels))).real, terms)
+
+
+class Coordinate(Protocol):
+    """Phases of the delayed signals as functions of frequency and of y."""
+
+    def phases(self, omega: FloatArray, y: FloatArray) -> FloatArray:
+        """Return phi_k, shape (points, channels)."""
+
+    def slopes(self, omega: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the derivatives of phi_k with respect to omega and to y."""
+
+    def mixed(self) -> FloatArray:
+        """Return the derivative of phi_k with respect to both; no other second derivative exists."""
+
+
+@dataclass(frozen=True, eq=False)
+class DelayCoordinate:
+    """y = tau: delays ``start + direction y``."""
+
+    start: FloatArray
+    direction: FloatArray
+
+    def phases(self, omega: FloatArray, y: FloatArray) -> FloatArray:
+        """Return omega (start + direction y)."""
+        return omega[:, None] * (self.start + self.direction * y[:, None])
+
+    def slopes(self, omega: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the delays, and omega times the direction."""
+        return self.start + self.direction * y[:, None], omega[:, None] * self.direction
+
+    def mixed(self) -> FloatArray:
+        """Return the direction."""
+        return self.direction
+
+
+@dataclass(frozen=True, eq=False)
+class AngleCoordinate:
+    """y = theta: phases ``omega start + multiples theta``."""
+
+    start: FloatArray
+    multiples: FloatArray
+
+    def phases(self, omega: FloatArray, y: FloatArray) -> FloatArray:
+        """Return omega start + multiples y."""
+        return omega[:, None] * self.start + self.multiples * y[:, None]
+
+    def slopes(self, omega: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return start, and the multiples."""
+        shape = (omega.size, self.start.size)
+        return np.broadcast_to(self.start, shape), np.broadcast_to(self.multiples, shape)
+
+    def mixed(self) -> FloatArray:
+        """Return zeros."""
+        return np.zeros_like(self.start)
+
+
+@dataclass(frozen=True, eq=False)
+class DelayLine:
+    """The loop along ``delays(tau) = start + tau direction``, ``0 <= tau <= up_to``.
+
+    `start` and `direction` here belong to the signals in the loop (blocks spread out). `step` and `multiples`
+    are set where all varying delays grow as integer multiples of `step`; `offset` where, besides, ``start`` is
+    ``offset`` times `direction`, so that nothing but multiples of one delay is left.
+    """
+
+    matrices: LoopMatrices
+    start: FloatArray
+    direction: FloatArray
+    up_to: float
+    step: float | None
+    multiples: FloatArray | None
+    offset: float | None
+
+    @property
+    def varies(self) -> bool:
+        """Whether any delay in the loop depends on tau."""
+        return bool(np.any(self.direction != 0.0))
+
+    def by_delay(self) -> DelayCoordinate:
+        """Return the coordinate y = tau."""
+        return DelayCoordinate(self.start, self.direction)
+
+    def by_angle(self) -> AngleCoordinate:
+        """Return the coordinate y = theta; needs `multiples`."""
+        if self.multiples is None or self.step is None:
+            raise ValueError("the delays along the line are not commensurate")
+        start = np.zeros_like(self.start) if self.offset is not None else self.start
+        return AngleCoordinate(start, self.multiples)
+
+    def free_up_to(self, omega: float, *, except_at_zero: bool = False) -> bool:
+        """Whether it is proven that no root is on the axis in ``[0, omega]`` (in ``(0, omega]``) on the whole line.
+
+        The characteristic matrix is regular at s = 0 and changes too little up to `omega`.
+        """
+        if omega == 0.0 or self.matrices.n_states == 0:
+            return True
+        if except_at_zero:
+            return False
+        loop = self.matrices
+        longest = np.maximum(self.start, self.start + self.direction * self.up_to)
+        around = np.abs(np.hstack([loop.C, loop.D]))
+        change = np.zeros((loop.n_states + loop.n_channels,) * 2)
+        change[: loop.n_states, : loop.n_states] = omega * np.eye(loop.n_states)
+        change[loop.n_states :] = omega * longest[:, None] * around
+        W = bordered(loop, self.by_delay(), np.zeros(1), np.zeros(1))[0][0]
+        try:
+            reach = np.abs(np.linalg.inv(W)) @ change
+        except np.linalg.LinAlgError:
+            return False
+        return bool(np.abs(np.linalg.eigvals(reach)).max() < 1.0)
+
+    def delays_of_angle(self, omega: float, theta: float) -> FloatArray:
+        """Return every tau in [0, up_to] at which ``omega step (tau + offset) = theta mod 2 pi``."""
+        if self.step is None:
+            raise ValueError("the delays along the line are not commensurate")
+        rate, offset = omega * self.step, self.offset or 0.0
+        # Rounding must not push a crossing at tau = 0 or at the end out of the range.
+        slack = 1e-11 + 1e-13 * rate * (self.up_to + offset)
+        first = np.ceil((rate * offset - theta - slack) / (2.0 * np.pi))
+        last = np.floor((rate * (offset + self.up_to) - theta + slack) / (2.0 * np.pi))
+        turns = np.arange(first, last + 1.0)
+        return np.clip((theta + 2.0 * np.pi * turns) / rate - offset, 0.0, self.up_to)
+
+
+def delay_line(sys: DelayLTI, direction: FloatArray, start: FloatArray, up_to: float) -> DelayLine:
+    """Fold the loop along a line: channels that never have a delay are closed, those outside the loop dropped."""
+    per_channel = np.repeat(start, sys.widths), np.repeat(direction, sys.widths)
+    delayed = (per_channel[0] != 0.0) | (per_channel[1] != 0.0)
+    # fold() closes channels of delay zero; the others carry their own number as a marker.
+    markers = np.where(delayed, 1.0 + np.arange(delayed.size), 0.0)
+    plant, kept = fold(sys.realization, sys.channel_gains, markers)
+    position = np.rint(kept).astype(int) - 1
+    matrices, inside = _loop_matrices(plant.A, plant.B2, plant.C2, plant.D22)
+    s, d = per_channel[0][position[inside]], per_channel[1][position[inside]]
+    matrices, s, d = _merged(matrices, s, d)
+    step, multiples = _commensurate(d)
+    return DelayLine(matrices, s, d, up_to, step, multiples, _offset(s, d) if step is not None else None)
+
+
+def bordered(
+    loop: LoopMatrices, coordinate: Coordinate, omega: FloatArray, y: FloatArray
+) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return W and its derivatives with respect to omega and y, each of shape (points, n + m, n + m)."""
+    n, m = loop.n_states, loop.n_channels
+    omega, y = np.atleast_1d(omega), np.atleast_1d(y)
+    E = np.exp(-1j * coordinate.phases(omega, y))
+    by_omega, by_y = coordinate.slopes(omega, y)
+    around = np.hstack([loop.C, loop.D])
+    W = np.zeros((omega.size, n + m, n + m), dtype=complex)
+    W[:, :n, :n] = 1j * omega[:, None, None] * np.eye(n) - loop.A
+    W[:, :n, n:] = -loop.B
+    W[:, n:, :] = -E[:, :, None] * around
+    W[:, n:, n:] += np.eye(m)
+    W_omega, W_y = np.zeros_like(W), np.zeros_like(W)
+    W_omega[:, :n, :n] = 1j * np.eye(n)
+    W_omega[:, n:, :] = (1j * by_omega * E)[:, :, None] * around
+    W_y[:, n:, :] = (1j * by_y * E)[:, :, None] * around
+    return W, W_omega, W_y
+
+
+def roots_always_on_axis(line: DelayLine) -> tuple[float, ...]:
+    """Return the frequencies >= 0 of roots on the axis that no delay moves."""
+    loop = line.matrices
+    if loop.n_states == 0:
+        return ()
+    found = []
+    at_zero = np.block([[loop.A, loop.B], [loop.C, loop.D - np.eye(loop.n_channels)]])
+    if distance_to_singular(at_zero) <= _SINGULAR:
+        found.append(0.0)
+    poles, uncertain = eigenvalues_with_uncertainty(loop.A)
+    uncertain = np.maximum(uncertain, 1e-12 * np.abs(poles))
+    suspects = np.unique(poles.imag[(np.abs(poles.real) <= uncertain) & (poles.imag > uncertain)])
+    for omega in suspects:
+        places = line.up_to * np.array([0.217, 0.513, 0.871])
+        W = bordered(loop, line.by_delay(), np.full(3, omega), places)[0]
+        if np.all(distance_to_singular(W) <= _STAYS):
+            found.append(float(omega))
+    return tuple(found)
+
+
+def _loop_matrices(
+    A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray
+) -> tuple[LoopMatrices, np.ndarray]:
+    """Drop channels that lie in no loop, balance states and channels; return the positions kept as well."""
+    inside = np.arange(D.shape[0])
+    while inside.size:
+        b, c, d = B[:, inside], C[inside], D[np.ix_(inside, inside)]
+        driven = np.any(c != 0.0, axis=1) | np.any(d != 0.0, axis=1)
+        acting = np.any(b != 0.0, axis=0) | np.any(d != 0.0, axis=0)
+        if np.all(driven & acting):
+            break
+        inside = inside[driven & acting]
+    B, C, D = B[:, inside], C[inside], D[np.ix_(inside, inside)]
+    n = A.shape[0]
+    # All channels closed with weight one: the pattern and size of the whole loop decide the scaling.
+    whole = np.block([[A, B], [C, D]])
+    if whole.size:
+        _, (scale, _) = scipy.linalg.matrix_balance(whole, permute=False, separate=True)
+        whole = whole / scale[:, None] * scale
+    return LoopMatrices(whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]), inside
+
+
+def _merged(
+    loop: LoopMatrices, start: FloatArray, direction: FloatArray
+) -> tuple[LoopMatrices, FloatArray, FloatArray]:
+    """Where more channels than states share one delay, let as many channels as states stand for them."""
+    if np.any(loop.D):
+        return loop, start, direction
+    kinds, group = np.unique(np.column_stack([start, direction]), axis=0, return_inverse=True)
+    B, C, owner = [np.zeros((loop.n_states, 0))], [np.zeros((0, loop.n_states))], []
+    for k in range(len(kinds)):
+        own = np.flatnonzero(group.ravel() == k)
+        wide = own.size > loop.n_states
+        B.append(loop.B[:, own] @ loop.C[own] if wide else loop.B[:, own])
+        C.append(np.eye(loop.n_states) if wide else loop.C[own])
+        owner += [k] * C[-1].shape[0]
+    merged = LoopMatrices(loop.A, np.hstack(B), np.vstack(C), np.zeros((len(owner), len(owner))))
+    return merged, kinds[owner, 0], kinds[owner, 1]
+
+
+def _commensurate(direction: FloatArray) -> tuple[float | None, FloatArray | None]:
+    """Return the common step and the integer multiples of the varying delays, or None."""
+    moving = direction != 0.0
+    if not np.any(moving) or np.any(direction < 0.0):
+        return None, None
+    ratios = direction[moving] / direction[moving].min()
+    fractions = [Fraction(r).limit_denominator(_LARGEST_MULTIPLE) for r in ratios]
+    if any(abs(float(f) - r) > 1e-12 * r for f, r in zip(fractions, ratios, strict=True)):
+        return None, None
+    denominator = int(np.lcm.reduce([f.denominator for f in fractions]))
+    multiples = np.zeros_like(direction)
+    multiples[moving] = [float(f * denominator) for f in fractions]
+    if multiples.max() > _LARGEST_MULTIPLE:
+        return None, None
+    return float(direction[moving].min() / denominator), multiples
+
+
+def _offset(start: FloatArray, direction: FloatArray) -> float | None:
+    """Return c with ``start = c direction``, or None."""
+    moving = direction != 0.0
+    if np.any(start[~moving] != 0.0):
+        return None
+    c = start[moving] / direction[moving]
+    if np.ptp(c) > 1e-14 * max(1.0, float(np.abs(c).max())):
+        return None
+    return float(c[0])

@@ -1,0 +1,1 @@
+"""How the system responds over frequency: band, margins, zeros, norms."""

@@ -1,0 +1,168 @@
+r"""How far a response can move near a sampled frequency: bounds that need no further samples.
+
+With the delayed signals as unknowns beside the states the loop is
+
+.. math::
+
+    M(s) v = N(s) u, \quad y = L v + D_{11} u, \quad
+    M = \begin{bmatrix} sI - A & -B_2 \\ -E C_2 & I - E D_{22} \end{bmatrix}, \quad
+    N = \begin{bmatrix} B_1 \\ E D_{21} \end{bmatrix}, \quad L = [C_1 \; D_{12}].
+
+From :math:`j\omega` to :math:`j(\omega + \delta)`, :math:`|\delta| \le h`, the delays turn by at most
+:math:`\tau h`, so M and N stay within known distance of their linear expansions, entry by entry, and so does
+
+.. math:: H(j(\omega + \delta)) = H + \delta H' + \text{remainder}, \quad |\text{remainder}| \le h^2 \ldots
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from susp_ctrl.delay_systems.model.folding import FoldedLoop
+from susp_ctrl.delay_systems.model.lft import FloatArray
+
+
+class LocalResponse(NamedTuple):
+    """Response and derivative by frequency at centres, with a bound of what the linear expansion misses.
+
+    Shapes (points, outputs, inputs), remainder (points,): largest singular value, inf where nothing is known.
+    """
+
+    value: np.ndarray
+    derivative: np.ndarray
+    remainder: FloatArray
+
+    def upper_bound(self, half: FloatArray) -> FloatArray:
+        """Largest singular value within `half` of each centre cannot exceed this.
+
+        The largest singular value of a matrix that is linear in the frequency is convex: its ends decide.
+        """
+        h = half[:, None, None]
+        ends = np.maximum(_gain(self.value + h * self.derivative), _gain(self.value - h * self.derivative))
+        return ends + self.remainder
+
+
+def local_response(loop: FoldedLoop, omega: FloatArray, half: FloatArray) -> LocalResponse:
+    """Expand the response of a loop about centres, with a bound on ``|omega' - omega| <= half``.
+
+    Parameters
+    ----------
+    loop : FoldedLoop
+        The loop, without gains.
+    omega, half : ndarray, shape (points,)
+        Centres and half widths (rad/s).
+    """
+    plant, tau = loop
+    n, m, k = plant.n_states, plant.n_channels, omega.size
+    s = np.asarray(1j * omega, dtype=np.complex128)
+    E = loop.exponentials(s)
+    size = n + m
+    M = np.zeros((k, size, size), dtype=complex)
+    M[:, :n, :n] = -plant.A
+    M[:, :n, n:] = -plant.B2
+    M[:, n:, :n] = -E[:, :, None] * plant.C2
+    M[:, n:, n:] = -E[:, :, None] * plant.D22
+    index = np.arange(size)
+    M[:, index, index] += np.where(index < n, s[:, None], 1.0)
+    N = np.zeros((k, size, plant.n_inputs), dtype=complex)
+    N[:, :n], N[:, n:] = plant.B1, E[:, :, None] * plant.D21
+    turn = (-1j * tau * E)[:, :, None]
+    M1, N1 = np.zeros_like(M), np.zeros_like(N)
+    M1[:, np.arange(n), np.arange(n)] = 1j
+    M1[:, n:, :n], M1[:, n:, n:], N1[:, n:] = -turn * plant.C2, -turn * plant.D22, turn * plant.D21
+    L = np.hstack([plant.C1, plant.D12])
+
+    X = np.linalg.inv(M)
+    v = X @ N
+    dv = X @ (N1 - M1 @ v)
+    value, derivative = plant.D11 + L @ v, L @ dv
+
+    reach, steps = np.abs(X), half[:, None, None]
+    delayed = np.hstack([np.abs(plant.C2), np.abs(plant.D22)])
+    first = np.zeros((size, size))
+    first[:n, :n], first[n:] = np.eye(n), tau[:, None] * delayed
+    second, second_input = np.zeros((size, size)), np.zeros((size, plant.n_inputs))
+    second[n:], second_input[n:] = (
+        0.5 * tau[:, None] ** 2 * delayed,
+        0.5 * tau[:, None] ** 2 * np.abs(plant.D21),
+    )
+    missed = steps**2 * (second_input + second @ np.abs(v) + first @ np.abs(dv))
+    contraction = reach @ first * steps
+    # (I - contraction)^-1 is a sum of non-negative powers where the norm is below one half
+    norm = contraction.sum(axis=2).max(axis=1) if size else np.zeros(k)
+    certain = norm < 0.5
+    remainder = np.full(k, np.inf)
+    if np.any(certain):
+        inverse = np.linalg.inv(np.eye(size) - contraction[certain])
+        beyond = np.abs(L) @ inverse @ reach[certain] @ missed[certain]
+        remainder[certain] = np.sqrt((beyond**2).sum(axis=(1, 2)))
+    return LocalResponse(value, derivative, remainder)
+
+
+class TailBound(NamedTuple):
+    """Beyond the frequency `start`, ``sigma(H) <= direct + slope/(omega - start)``.
+
+    `direct` bounds what passes without any state, delayed or not; `undelayed` is its part without delays, which
+    is the limit of the response where nothing delayed passes directly.
+    """
+
+    direct: float
+    slope: float
+    start: float
+    undelayed: float
+
+    def at(self, omega: float) -> float:
+        """Bound of the largest singular value at all frequencies from `omega` on."""
+        if self.slope == 0.0:
+            return self.direct
+        return self.direct + self.slope / (omega - self.start) if omega > self.start else np.inf
+
+
+def tail_bound(loop: FoldedLoop) -> TailBound:
+    """Bound the response at high frequencies for all delays at once.
+
+    Beyond ``rho = ||A + B2 E (I - E D22)^-1 C2||`` the state follows as ``1/(omega - rho)``.
+    """
+    plant, _ = loop
+    m = plant.n_channels
+    D22 = np.abs(plant.D22)
+    # no direct path leads around the loop, so that the powers of D22 end; signs of paths that cancel can hide a
+    # cycle from the test of the class but not from this sum
+    around, power = np.eye(m), np.eye(m)
+    for _ in range(m):
+        power = power @ D22
+        around = around + power
+    if np.any(power @ D22 > 0.0):
+        return TailBound(np.inf, np.inf, np.inf, np.inf)
+    scale = _state_scale(plant.A, plant.B2, plant.C2)
+    A, B1, B2 = (np.abs(x) / scale[:, None] for x in (plant.A * scale, plant.B1, plant.B2))
+    C1, C2 = np.abs(plant.C1) * scale, np.abs(plant.C2) * scale
+    D12, D21 = np.abs(plant.D12), np.abs(plant.D21)
+    loop_norm = _norm(A + B2 @ around @ C2)
+    slope = _norm(C1 + D12 @ around @ C2) * _norm(B1 + B2 @ around @ D21)
+    direct = _norm(np.abs(plant.D11) + D12 @ around @ D21)
+    return TailBound(direct, slope, loop_norm, _norm(plant.D11))
+
+
+def _state_scale(A: FloatArray, B: FloatArray, C: FloatArray) -> FloatArray:
+    """Units of the states in which the loop's matrix has even magnitudes."""
+    if A.shape[0] == 0:
+        return np.ones(0)
+    _, (scale, _) = scipy.linalg.matrix_balance(
+        np.abs(A) + np.abs(B) @ np.abs(C), permute=False, separate=True
+    )
+    return np.asarray(scale)
+
+
+def _norm(matrix: FloatArray) -> float:
+    return float(np.linalg.norm(matrix, 2)) if matrix.size else 0.0
+
+
+def _gain(matrices: np.ndarray) -> FloatArray:
+    """Largest singular value of each matrix."""
+    if min(matrices.shape[1:]) == 1:
+        return np.sqrt((np.abs(matrices) ** 2).sum(axis=(1, 2)))
+    return np.linalg.norm(matrices, 2, axis=(1, 2))

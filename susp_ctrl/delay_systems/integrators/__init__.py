@@ -1,0 +1,1 @@
+"""The marches: from inputs and past to states and outputs, delays exact."""

@@ -1,0 +1,120 @@
+r"""Systems given by state matrices with delays, as the literature writes them.
+
+.. math::
+
+    \dot x(t) = A_0 x(t) + \sum_k A_k x(t - \tau_k) + B u(t) + \sum_j B_j u(t - d_j), \qquad y = C x + D u
+
+Each delayed matrix is factored as ``A_k = U_k V_k`` with as few signals as its rank, so that a delay that acts
+on one state costs one delayed signal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from susp_ctrl import validation
+from susp_ctrl.delay_systems.model.lft import FloatArray, Realization
+from susp_ctrl.errors import InputError
+
+
+def state_delay_realization(
+    A: Sequence[ArrayLike],
+    delays: ArrayLike,
+    B: ArrayLike | None,
+    C: ArrayLike | None,
+    D: ArrayLike | None,
+    input_terms: Sequence[tuple[ArrayLike, float]],
+) -> tuple[Realization, FloatArray, tuple[int, ...]]:
+    """Return plant, delays and block widths of a system with state and input delays.
+
+    Parameters
+    ----------
+    A : sequence of array_like, each (n, n)
+        ``[A0, A1, ...]``; ``A[1:]`` pairs with `delays`.
+    delays : array_like
+        Delays of ``A[1:]`` in seconds.
+    B, C, D : array_like, optional
+        Undelayed matrices (n, q), (p, n), (p, q). Without `B` (and `input_terms`) the system has no input;
+        without `C` the outputs are the states; without `D` it is zero.
+    input_terms : sequence of (array_like (n, q), float)
+        Delayed input matrices with their delays.
+
+    Raises
+    ------
+    InputError
+        Shapes or numbers that do not fit.
+    """
+    if isinstance(A, np.ndarray) and A.ndim == 2:
+        raise InputError("A is one matrix: a sequence [A0, A1, ...] is needed")
+    A = validation.sequence("A", A)
+    if len(A) == 0:
+        raise InputError("A is empty: a sequence [A0, A1, ...] is needed")
+    tau = validation.vector("delays", delays, at_least=0.0)
+    if tau.size != len(A) - 1:
+        raise InputError(
+            f"delays has {tau.size} entries: one for each of the {len(A) - 1} matrices A[1:] is needed"
+        )
+    n = validation.matrix("A[0]", A[0]).shape[0]
+    matrices = [validation.matrix(f"A[{k}]", m, rows=n, columns=n) for k, m in enumerate(A)]
+    delayed_inputs = [
+        _input_term(j, term, n) for j, term in enumerate(validation.sequence("input_terms", input_terms))
+    ]
+    if B is not None:
+        B1 = validation.matrix("B", B, rows=n)
+    else:
+        B1 = np.zeros((n, delayed_inputs[0][0].shape[1] if delayed_inputs else 0))
+    q = B1.shape[1]
+    C1 = np.eye(n) if C is None else validation.matrix("C", C, columns=n)
+    D11 = np.zeros((C1.shape[0], q)) if D is None else validation.matrix("D", D, rows=C1.shape[0], columns=q)
+    for j, (Bj, _) in enumerate(delayed_inputs):
+        validation.matrix(f"input_terms[{j}]", Bj, rows=n, columns=q)
+
+    factors = [_rank_factors(m) for m in matrices[1:]]
+    input_factors = [_rank_factors(Bj) for Bj, _ in delayed_inputs]
+    widths = tuple(U.shape[1] for U, _ in (*factors, *input_factors))
+    state_channels = sum(U.shape[1] for U, _ in factors)
+    channels = sum(widths)
+    realization = Realization(
+        A=matrices[0],
+        B1=B1,
+        B2=np.hstack([np.zeros((n, 0)), *(U for U, _ in factors), *(U for U, _ in input_factors)]),
+        C1=C1,
+        C2=np.vstack([np.zeros((0, n)), *(V for _, V in factors), np.zeros((channels - state_channels, n))]),
+        D11=D11,
+        D12=np.zeros((C1.shape[0], channels)),
+        D21=np.vstack([np.zeros((state_channels, q)), *(V for _, V in input_factors)]),
+        D22=np.zeros((channels, channels)),
+    )
+    return realization, np.append(tau, [d for _, d in delayed_inputs]), widths
+
+
+def _input_term(j: int, term: Any, n: int) -> tuple[FloatArray, float]:
+    pair = validation.sequence(f"input_terms[{j}]", term)
+    if len(pair) != 2:
+        raise InputError(f"input_terms[{j}] has {len(pair)} entries: a pair (matrix, delay) is needed")
+    return (
+        validation.matrix(f"input_terms[{j}]", pair[0], rows=n),
+        validation.number(f"input_terms[{j}] delay", pair[1], at_least=0.0),
+    )
+
+
+def _rank_factors(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return U, V with ``matrix = U V`` and as many columns of U as the rank.
+
+    Where the non-zero rows (or columns) are as few as the rank the factors are exact; else the singular value
+    decomposition gives them to rounding.
+    """
+    rows = np.flatnonzero(np.any(matrix != 0.0, axis=1))
+    columns = np.flatnonzero(np.any(matrix != 0.0, axis=0))
+    left, values, right = np.linalg.svd(matrix, full_matrices=False)
+    rank = int(np.sum(values > max(matrix.shape) * np.finfo(float).eps * values[:1].sum()))
+    if rank == rows.size:
+        return np.eye(matrix.shape[0])[:, rows], matrix[rows]
+    if rank == columns.size:
+        return matrix[:, columns], np.eye(matrix.shape[1])[columns]
+    root = np.sqrt(values[:rank])
+    return left[:, :rank] * root, root[:, None] * right[:rank]

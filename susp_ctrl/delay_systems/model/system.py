@@ -1,0 +1,334 @@
+r"""`DelayLTI`: a linear system with any number of exact delays.
+
+The system is kept in the linear fractional form of `susp_ctrl.delay_systems.model.lft`. The delays are kept as the
+user gave them: their number and order, zero and equal ones too. Algorithms work on `DelayLTI.folded`, in which
+gains are absorbed, delay-free channels closed and idle ones dropped.
+
+A *retarded* system has no direct path from a delayed signal around the loop to itself. With such a path it is
+*neutral*: an infinitely small delay can create infinitely many unstable roots [1]_. A neutral loop is refused
+when it is built, so every `DelayLTI` is retarded and well posed.
+
+References
+----------
+.. [1] W. Michiels, S.-I. Niculescu, "Stability, Control, and Computation for Time-Delay Systems", SIAM, 2014,
+   chapter 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import control
+import numpy as np
+from control.lti import LTI
+from numpy.typing import ArrayLike, NDArray
+
+from susp_ctrl import validation
+from susp_ctrl.delay_systems.model.folding import FoldedLoop, fold, refuse_neutral
+from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization
+from susp_ctrl.delay_systems.model.loop_response import loop_response
+from susp_ctrl.delay_systems.model.operators import DelayOperators
+from susp_ctrl.delay_systems.model.signal_names import checked_names, signal_labels, system_name
+from susp_ctrl.delay_systems.model.state_delays import state_delay_realization
+from susp_ctrl.delay_systems.model.transfer_functions import state_space, state_space_of
+from susp_ctrl.delay_systems.python_control import PythonControlMethods
+from susp_ctrl.errors import InputError
+
+
+class DelayLTI(DelayOperators, PythonControlMethods, LTI):
+    r"""Linear time-invariant system with exact delays, closed around an ordinary plant.
+
+    .. math:: H(s) = P_{11} + P_{12} E (I - P_{22} E)^{-1} P_{21},\quad E = \mathrm{diag}(g_k e^{-s\tau_k} I)
+
+    Parameters
+    ----------
+    plant : control.StateSpace or Realization
+        ``P`` with inputs ``[u; w]`` and outputs ``[y; z]``: the delayed signals come last in both.
+    delays : array_like, shape (n_delays,)
+        Delays in seconds, not negative.
+    gains : array_like, shape (n_delays,), optional
+        Gain of each delayed block; one by default.
+    widths : sequence of int, optional
+        Number of signals that share each delay; one each by default.
+    inputs, outputs, states : sequence of str, optional
+        Signal names; taken from `plant` where it has them.
+    name : str, optional
+        System name.
+
+    Raises
+    ------
+    InputError
+        Wrong shapes, a negative or infinite delay, discrete time, an algebraic loop that has no solution.
+    NeutralLoopError
+        A delayed signal feeds through directly around the loop.
+
+    Notes
+    -----
+    Immutable; `with_delays` and `with_gains` give changed copies.
+    """
+
+    def __init__(
+        self,
+        plant: control.StateSpace | Realization,
+        delays: ArrayLike = (),
+        gains: ArrayLike | None = None,
+        widths: Sequence[int] | None = None,
+        *,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        states: Sequence[str] | None = None,
+        name: str | None = None,
+    ) -> None:
+        tau = validation.vector("delays", delays, at_least=0.0)
+        g = np.ones(tau.size) if gains is None else validation.vector("gains", gains, size=tau.size)
+        blocks = (
+            [1] * tau.size
+            if widths is None
+            else [validation.integer("widths", w, at_least=0) for w in validation.sequence("widths", widths)]
+        )
+        if len(blocks) != tau.size:
+            raise InputError(f"widths has {len(blocks)} entries: one for each of {tau.size} delays is needed")
+        channels = sum(blocks)
+        if isinstance(plant, Realization):
+            realization = plant
+        else:
+            realization = _split(plant, channels)
+            inputs = plant.input_labels[: realization.n_inputs] if inputs is None else inputs
+            outputs = plant.output_labels[: realization.n_outputs] if outputs is None else outputs
+            states = plant.state_labels if states is None else states
+        if realization.n_channels != channels:
+            raise InputError(f"plant has {realization.n_channels} delayed signals: {channels} are needed")
+        super().__init__(
+            inputs=signal_labels("inputs", inputs, realization.n_inputs),
+            outputs=signal_labels("outputs", outputs, realization.n_outputs),
+            states=signal_labels("states", states, realization.n_states),
+            name=system_name(name),
+            dt=0,
+        )
+        for array in (tau, g):
+            array.setflags(write=False)
+        self._realization = realization
+        self._delays, self._gains, self._widths = tau, g, tuple(blocks)
+        refuse_neutral(self.folded)
+
+    @classmethod
+    def from_state_delays(
+        cls,
+        A: Sequence[ArrayLike],
+        delays: ArrayLike,
+        B: ArrayLike | None = None,
+        C: ArrayLike | None = None,
+        D: ArrayLike | None = None,
+        input_terms: Sequence[tuple[ArrayLike, float]] = (),
+        **names: Any,
+    ) -> DelayLTI:
+        r"""Return the system ``x' = A0 x + sum A_k x(t-tau_k) + B u + sum B_j u(t-d_j)``, ``y = C x + D u``.
+
+        Parameters
+        ----------
+        A : sequence of array_like, each (n, n)
+            ``[A0, A1, ...]``; ``A[1:]`` pairs with `delays`.
+        delays : array_like
+            Delays of ``A[1:]`` in seconds.
+        B, C, D : array_like, optional
+            Undelayed matrices (n, q), (p, n), (p, q). Without `B` and `input_terms` the system has no input;
+            without `C` the outputs are the states; without `D` it is zero.
+        input_terms : sequence of (array_like (n, q), float)
+            Delayed input matrices with their delays, which follow in `delays` of the result.
+        **names
+            ``inputs``, ``outputs``, ``states``, ``name``.
+
+        Returns
+        -------
+        DelayLTI
+            One delayed block for every delay given, as wide as the rank of its matrix.
+
+        Raises
+        ------
+        InputError
+            Shapes or numbers that do not fit.
+        """
+        plant, tau, widths = state_delay_realization(A, delays, B, C, D, input_terms)
+        return cls(plant, tau, widths=widths, **checked_names(names))
+
+    @property
+    def realization(self) -> Realization:
+        """The undelayed plant P as matrices; gains and delays are not in it."""
+        return self._realization
+
+    @property
+    def delays(self) -> FloatArray:
+        """Delays in seconds, as given."""
+        return self._delays
+
+    @property
+    def gains(self) -> FloatArray:
+        """Gains of the delayed blocks, as given."""
+        return self._gains
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Number of signals that share each delay."""
+        return self._widths
+
+    @property
+    def plant(self) -> control.StateSpace:
+        """The undelayed plant P as a `control.StateSpace` with inputs ``[u; w]`` and outputs ``[y; z]``."""
+        r = self._realization
+        channel = [f"delayed[{k}]" for k in range(r.n_channels)]
+        return state_space(
+            r.A,
+            np.hstack([r.B1, r.B2]),
+            np.vstack([r.C1, r.C2]),
+            np.block([[r.D11, r.D12], [r.D21, r.D22]]),
+            inputs=[*self.input_labels, *(f"w_{c}" for c in channel)],
+            outputs=[*self.output_labels, *(f"z_{c}" for c in channel)],
+            states=self.state_labels,
+        )
+
+    def _with(self, **changes: Any) -> DelayLTI:
+        settings = {
+            "plant": self._realization,
+            "delays": self._delays,
+            "gains": self._gains,
+            "widths": self._widths,
+            "inputs": self.input_labels,
+            "outputs": self.output_labels,
+            "states": self.state_labels,
+            "name": self.name,
+        }
+        return DelayLTI(**(settings | changes))
+
+    def with_delays(self, delays: ArrayLike) -> DelayLTI:
+        """Return the same system with other delays (s), one for each of `delays`.
+
+        Raises
+        ------
+        InputError
+            If their number differs, or one is negative or not finite.
+        """
+        return self._with(delays=validation.vector("delays", delays, size=self._delays.size, at_least=0.0))
+
+    def with_gains(self, gains: ArrayLike) -> DelayLTI:
+        """Return the same system with other gains, one for each of `gains`.
+
+        Raises
+        ------
+        InputError
+            If their number differs, or one is not finite.
+        """
+        return self._with(gains=validation.vector("gains", gains, size=self._gains.size))
+
+    def with_names(self, **names: Any) -> DelayLTI:
+        """Return the same system with other ``inputs``, ``outputs``, ``states`` or ``name``."""
+        return self._with(**checked_names(names))
+
+    @cached_property
+    def channel_delays(self) -> FloatArray:
+        """Delay of every delayed signal (blocks spread out), shape (channels,)."""
+        return np.repeat(self._delays, self._widths)
+
+    @cached_property
+    def channel_gains(self) -> FloatArray:
+        """Gain of every delayed signal (blocks spread out), shape (channels,)."""
+        return np.repeat(self._gains, self._widths)
+
+    @cached_property
+    def folded(self) -> FoldedLoop:
+        """The loop with gains absorbed, zero delays closed and idle channels dropped."""
+        return fold(self._realization, self.channel_gains, self.channel_delays)
+
+    def exponentials(self, s: ArrayLike) -> ComplexArray:
+        """Return ``g_k e^{-s tau_k}`` for every delayed signal, shape (*s.shape, channels)."""
+        shift: ComplexArray = np.exp(-np.asarray(s, dtype=complex)[..., None] * self.channel_delays)
+        return self.channel_gains * shift
+
+    def __call__(self, x: ArrayLike, squeeze: bool | None = None, warn_infinite: bool = True) -> Any:
+        """Evaluate the transfer matrix at complex points, delays exact.
+
+        Parameters
+        ----------
+        x : complex or array_like of complex, shape (n_points,)
+            Points s of the complex plane.
+        squeeze : bool, optional
+            As in python-control: by default a SISO system gives the shape of `x`, others
+            (outputs, inputs, n_points).
+        warn_infinite : bool, optional
+            Accepted for python-control's sake.
+
+        Returns
+        -------
+        complex or ndarray of complex
+        """
+        points = np.atleast_1d(validation.complex_array("x", x))
+        loop = self.folded
+        values = np.moveaxis(loop_response(loop.plant, points, loop.exponentials(points)), 0, -1)
+        if np.ndim(x) == 0:
+            values = values[..., 0]
+        setting = (
+            control.config.defaults["control.squeeze_frequency_response"] if squeeze is None else squeeze
+        )
+        if setting is True:
+            return np.squeeze(values)
+        if setting is None and self.issiso():
+            return values[0, 0]
+        return values
+
+    def dcgain(self, warn_infinite: bool = False) -> Any:
+        """Return the gain at s = 0 (delays are transparent there)."""
+        return self._dcgain(warn_infinite)
+
+    def __str__(self) -> str:
+        delays = ", ".join(f"{d:g} s" for d in self._delays) or "none"
+        return (
+            f"<DelayLTI> {self.name}: {self.nstates} states\n"
+            f"  inputs:  {', '.join(self.input_labels)}\n"
+            f"  outputs: {', '.join(self.output_labels)}\n"
+            f"  delays:  {delays}\n"
+            f"  gains:   {', '.join(f'{g:g}' for g in self._gains) or 'none'}"
+        )
+
+    __repr__ = __str__
+
+
+def _split(system: control.StateSpace, channels: int) -> Realization:
+    """Split an ordinary system into external signals and, last, `channels` delayed ones."""
+    if not isinstance(system, control.StateSpace):
+        raise InputError(f"plant is a {type(system).__name__}: a control.StateSpace is needed")
+    if system.dt not in (0, None):
+        raise InputError(f"plant has dt = {system.dt}: only continuous time (dt = 0) is possible")
+    p, q = system.noutputs - channels, system.ninputs - channels
+    if p < 0 or q < 0:
+        raise InputError(
+            f"plant has {system.ninputs} inputs and {system.noutputs} outputs: "
+            f"at least {channels} of each, for the delayed signals, are needed"
+        )
+    B, C, D = (np.asarray(m, dtype=float) for m in (system.B, system.C, system.D))
+    return Realization(system.A, B[:, :q], B[:, q:], C[:p], C[p:], D[:p, :q], D[:p, q:], D[p:, :q], D[p:, q:])
+
+
+def as_delay_lti(system: Any, name: str = "system") -> DelayLTI:
+    """Return a `DelayLTI` equal to a control system, a number or a matrix.
+
+    Raises
+    ------
+    InputError
+        A discrete-time system, frequency data, or something that is no linear system.
+    """
+    if isinstance(system, DelayLTI):
+        return system
+    if isinstance(system, control.TransferFunction):
+        return DelayLTI(state_space_of(system, name), name=system.name)
+    if isinstance(system, control.StateSpace):
+        return DelayLTI(system, name=system.name)
+    number_like = isinstance(system, (int, float, np.number, np.ndarray, list, tuple))
+    if number_like and not isinstance(system, bool):
+        D: NDArray[np.float64] = validation.matrix(name, system)
+        return DelayLTI(
+            control.StateSpace(np.zeros((0, 0)), np.zeros((0, D.shape[1])), np.zeros((D.shape[0], 0)), D)
+        )
+    raise InputError(
+        f"{name} is a {type(system).__name__}: a linear continuous-time system or a number is needed"
+    )

@@ -1,0 +1,1 @@
+"""Where the characteristic roots are, and how many lie right of a line."""

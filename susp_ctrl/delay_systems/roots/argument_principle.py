@@ -1,0 +1,249 @@
+r"""Number of characteristic roots right of a line, by the argument principle with certified steps.
+
+The number of zeros of :math:`\det K(s)` in a half plane follows from the phase of the determinant along its edge.
+The phase is followed in steps that cannot miss a turn: with midpoint :math:`s_0` of a step and
+
+.. math:: |K(s_0)^{-1} (K(s) - K(s_0))| \le X \quad\text{(entry by entry, for every s of the step)},
+
+no root lies on the step if the spectral radius of X is below one, and the phase then changes by at most
+:math:`-\log\det(I - X)`. A step is halved until this is below :math:`\pi`. The bound X contains a relative
+uncertainty of some roundings in every entry of K, so a root that rounding could move over the line is reported,
+never counted. Beyond the largest possible root the remaining phase is known in closed form. Nothing here uses the
+computed roots.
+
+References
+----------
+.. [1] K. Gu, V. L. Kharitonov, J. Chen, "Stability of Time-Delay Systems", Birkhäuser, 2003, chapter 1.
+.. [2] W. Michiels, S.-I. Niculescu, "Stability, Control, and Computation for Time-Delay Systems", SIAM, 2014.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from susp_ctrl import validation
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix, Points
+from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.delay_systems.model.system import as_delay_lti
+from susp_ctrl.errors import InputError, UndecidedStabilityWarning
+
+# Relative uncertainty of every entry of K: some dozens of roundings.
+_ENTRY_UNCERTAINTY = 64.0 * np.finfo(float).eps
+# A step is accepted below these: spectral radius of X, and largest phase change.
+_RADIUS = 0.9
+_PHASE = 0.95 * np.pi
+# Numbers held at once by the batched matrices, and points after which the search is given up.
+_BATCH_NUMBERS = 2_000_000
+_MOST_POINTS = 2_000_000
+# An abscissa is narrowed down to this relative width, by counts of at most so many points each.
+_BRACKET = 1e-9
+_POINTS_OF_A_TRIAL = 50_000
+
+
+class ContourError(ArithmeticError):
+    """The phase cannot be followed: a root lies on the line as far as can be told, or too many steps are needed."""
+
+    def __init__(self, omega: float, reason: str) -> None:
+        super().__init__(reason)
+        self.omega = omega
+
+
+def count_unstable_roots(sys: Any) -> int | None:
+    """Count the characteristic roots with positive real part by the argument principle.
+
+    Parameters
+    ----------
+    sys : DelayLTI, control.StateSpace or control.TransferFunction
+        The system, with its loops closed.
+
+    Returns
+    -------
+    int or None
+        Number of roots with positive real part, multiple ones counted as often as they occur; None, with an
+        `UndecidedStabilityWarning`, if a root lies on the imaginary axis as far as rounding lets one tell.
+
+    Raises
+    ------
+    InputError
+        `sys` is no linear continuous-time system.
+
+    Notes
+    -----
+    The phase of ``det K(jw)`` is followed by certified steps [1]_; see the module. The roots themselves are not
+    computed.
+
+    References
+    ----------
+    .. [1] K. Gu, V. L. Kharitonov, J. Chen, "Stability of Time-Delay Systems", Birkhäuser, 2003.
+    """
+    return count_roots_right_of(sys, 0.0)
+
+
+def count_roots_right_of(sys: Any, line: float) -> int | None:
+    """Count the characteristic roots with real part above `line` (rad/s) by the argument principle.
+
+    As `count_unstable_roots`, with the imaginary axis moved to `line`.
+    """
+    system = as_delay_lti(sys, "sys")
+    position = validation.number("line", line)
+    try:
+        return count_right_of(CharacteristicMatrix.of(system.folded), position)
+    except ContourError as problem:
+        warnings.warn(
+            f"roots right of {position:g} not counted: {problem}", UndecidedStabilityWarning, stacklevel=2
+        )
+        return None
+
+
+def abscissa_by_counts(K: CharacteristicMatrix, below: float | None, above: float) -> tuple[float, float]:
+    """Narrow the largest real part of the roots from both sides by counting.
+
+    Parameters
+    ----------
+    K : CharacteristicMatrix
+        The loop.
+    below : float or None
+        Real part of a root, so that the abscissa is not smaller; None if no root is known.
+    above : float
+        A line without roots right of it.
+
+    Returns
+    -------
+    tuple of float
+        The bracket, as narrow as counts of moderate cost make it: roots in a chain can be so close to each other
+        that no line passes between them. Its lower end is minus infinity if no root is known and none was met.
+    """
+    step = 1e-6 * (K.root_bound or 1.0)
+    while below is None:
+        line = above - step
+        try:
+            number = count_right_of(K, line, _POINTS_OF_A_TRIAL)
+        except (ContourError, InputError):
+            return -np.inf, above
+        below, above = (line, above) if number else (None, line)
+        step *= 1.3
+    for _ in range(60):
+        if above - below <= _BRACKET * max(abs(below), abs(above)):
+            break
+        for share in (0.5, 0.4, 0.1, 0.01, 0.001):  # far to the left counts are costly, on a root impossible
+            line = above - share * (above - below)
+            try:
+                number = count_right_of(K, line, _POINTS_OF_A_TRIAL)
+            except (ContourError, InputError):
+                continue
+            below, above = (line, above) if number else (below, line)
+            break
+        else:
+            break
+    return below, above
+
+
+def count_right_of(K: CharacteristicMatrix, line: float = 0.0, most_points: int = _MOST_POINTS) -> int:
+    """Count the roots right of a line, or raise `ContourError`."""
+    if K.n_states == 0:
+        return 0
+    moved = K.shifted(line)
+    # any positive number will do where all roots are at zero
+    top = moved.root_bound or 1.0
+    corner = np.array([1j * top])
+    outer_phase = float(np.angle(1.0 - np.linalg.eigvals(moved.closed(corner))[0] / corner).sum())
+    turns = K.n_states / 2.0 + (outer_phase - _phase_along_axis(moved, top, most_points)) / np.pi
+    count = round(turns)
+    if abs(turns - count) > 1e-3 or count < 0:
+        raise ContourError(np.nan, f"the phase adds up to {turns:.6g} roots, which is no whole number")
+    return count
+
+
+def _phase_along_axis(K: CharacteristicMatrix, top: float, most_points: int) -> float:
+    """Change of the phase of det K(jw) from w = 0 to w = `top`."""
+    edges = np.linspace(0.0, top, 17)
+    lower, upper = edges[:-1], edges[1:]
+    points = [edges]
+    batch = max(16, _BATCH_NUMBERS // K.n_states**2)
+    evaluated = 0
+    while lower.size:
+        radius = np.concatenate(
+            [_radius(K, lower[i : i + batch], upper[i : i + batch], top) for i in range(0, lower.size, batch)]
+        )
+        done = radius <= _RADIUS
+        evaluated += lower.size
+        points.append(0.5 * (lower + upper)[done])
+        parts = np.clip(np.ceil(radius[~done] / (0.7 * _RADIUS)), 2, 8).astype(int)
+        if evaluated + parts.sum() > most_points:
+            raise ContourError(float(lower[~done][0]), f"more than {most_points} steps would be needed")
+        width = np.repeat((upper - lower)[~done] / parts, parts)
+        start = np.repeat(lower[~done], parts)
+        number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+        lower, upper = start + number * width, start + (number + 1) * width
+        points.append(lower)
+    omega = np.unique(np.concatenate(points))
+    phases = [_unit_determinant(K(1j * omega[i : i + batch])) for i in range(0, omega.size, batch)]
+    phase = np.concatenate(phases)
+    return float(np.angle(phase[1:] / phase[:-1]).sum())
+
+
+def _unit_determinant(matrices: Points) -> Points:
+    sign = np.linalg.slogdet(matrices)[0]
+    return np.where(sign == 0.0, 1.0, sign)
+
+
+def _radius(K: CharacteristicMatrix, lower: FloatArray, upper: FloatArray, top: float) -> FloatArray:
+    """Bound the spectral radius of X on every step; two where the phase could change by half a turn.
+
+    Raises
+    ------
+    ContourError
+        The uncertainty of the entries alone makes K singular as far as can be told.
+    """
+    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    matrices = K(1j * middle)
+    singular = np.linalg.slogdet(matrices)[0] == 0.0
+    if np.any(singular):
+        # a step may end on a root by chance without the root being its business: move off it
+        _refuse_narrow(middle[singular], half[singular], top)
+        matrices[singular] += np.eye(K.n_states) * half[singular, None, None] * 1e-3
+    inverse = np.abs(np.linalg.inv(matrices))
+    absolute_A, into, out = K.absolute_parts
+    identity = np.eye(K.n_states)
+    # |K(s) - K(s0)| over the step; |e^{-s tau} - e^{-s0 tau}| <= min(2, tau |s - s0|) on the axis
+    phase_change = np.minimum(2.0, half[:, None] * K.delays)
+    uncertain = _ENTRY_UNCERTAINTY * (1.0 + middle[:, None] * K.delays)
+    entries = _ENTRY_UNCERTAINTY * (middle[:, None, None] * identity + absolute_A)
+    rounding = inverse @ (entries + (into * uncertain[:, None, :]) @ out)
+    X = inverse @ (half[:, None, None] * identity + (into * phase_change[:, None, :]) @ out) + rounding
+    limit = _collatz(rounding)
+    if np.any(limit > 0.5 * _RADIUS):
+        worst = int(np.argmax(limit))
+        raise ContourError(float(middle[worst]), _on_the_line(middle[worst]))
+    radius = _collatz(X)
+    _refuse_narrow(middle[radius > _RADIUS], half[radius > _RADIUS], top)
+    small = np.flatnonzero(radius <= _RADIUS)
+    if small.size:
+        largest_phase = -np.linalg.slogdet(identity - X[small])[1]
+        radius[small[largest_phase > _PHASE]] = 2.0 * _RADIUS
+    return radius
+
+
+def _refuse_narrow(middle: FloatArray, half: FloatArray, top: float) -> None:
+    narrow = half < 4.0 * np.finfo(float).eps * (middle + 1e-3 * top)
+    if np.any(narrow):
+        raise ContourError(float(middle[narrow][0]), _on_the_line(middle[narrow][0]))
+
+
+def _on_the_line(omega: float) -> str:
+    return f"a root lies on the line near {omega:.6g} rad/s, as far as rounding lets one tell"
+
+
+def _collatz(X: FloatArray) -> FloatArray:
+    """Upper bound of the spectral radius of non-negative matrices: max (X v)/v for any v > 0."""
+    v = np.ones((*X.shape[:-1], 1))
+    bound = X.sum(axis=-1).max(axis=-1)
+    for _ in range(5):
+        image = X @ v
+        bound = np.minimum(bound, np.max(image / v, axis=(-2, -1)))
+        # the share added keeps v positive; it is tiny because a defective root needs very uneven v
+        v = image / np.maximum(image.max(axis=-2, keepdims=True), 1e-300) + 1e-30
+    return bound

@@ -1,0 +1,65 @@
+"""What a simulation returns: python-control's time response, with its error and its memory."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import control
+import numpy as np
+
+from susp_ctrl.delay_systems.integrators.trajectory import Run
+from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.delay_systems.model.system import DelayLTI
+
+
+class SimulationResponse(control.TimeResponseData):
+    """A `control.TimeResponseData` that knows its error and can be continued.
+
+    Attributes
+    ----------
+    error_estimate : ndarray, shape (n_outputs,)
+        Estimated largest error of each output, absolute.
+    method : str
+        Method that made it.
+    order : int or sequence of int or None
+        Order of the approximation, for the approximate methods.
+    past : object
+        Memory of the delayed signals; pass the response as `history` to go on from its end.
+    """
+
+    error_estimate: FloatArray
+    method: str
+    order: Any
+    past: Any
+
+
+def simulation_response(
+    system: DelayLTI, times: FloatArray, run: Run, method: str, order: Any, rtol: float, case: int = 0
+) -> SimulationResponse:
+    """Return one case of a run under the system's names; warn where its error exceeds `rtol`."""
+    response = SimulationResponse(
+        times,
+        run.outputs[:, :, case],
+        run.states[:, :, case],
+        run.inputs[:, :, case] if system.ninputs else None,
+        issiso=system.noutputs == 1 and system.ninputs <= 1,
+        output_labels=system.output_labels,
+        state_labels=system.state_labels,
+        input_labels=system.input_labels if system.ninputs else None,
+        sysname=system.name,
+        plot_inputs=False,
+    )
+    response.error_estimate = run.error[:, case]
+    response.method, response.order, response.past = method, order, run.past.case(case)
+    relative = run.relative_error[:, case]
+    if np.any(relative > rtol):
+        worst = int(np.argmax(relative))
+        warnings.warn(
+            f"the estimated error {run.error[worst, case]:.2g} of {system.output_labels[worst]} exceeds "
+            f"rtol = {rtol:g} of its peak {run.peak[worst, case]:.2g}: "
+            "an input may have kinks that are not announced (breakpoints)",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+    return response

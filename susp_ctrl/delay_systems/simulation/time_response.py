@@ -1,0 +1,241 @@
+r"""Time simulation of linear systems with exact delays: arguments, method and response.
+
+.. math::
+
+    \dot x = A x + B_1 u + B_2 w, \quad y = C_1 x + D_{11} u + D_{12} w, \quad
+    w_k(t) = z_k(t - \tau_k), \quad z = C_2 x + D_{21} u + D_{22} w.
+
+Method of steps [1]_: on a stretch no longer than the shortest delay, w is known from the past, so that what remains is
+an ordinary linear system with known forcing, whose solution over a time h is
+
+.. math:: x(t + h) = e^{A h} x(t) + \int_0^h e^{A (h - \theta)} (B_1 u + B_2 w)(t + \theta) \, d\theta .
+
+Where u or the history has a kink or a jump, so has the response, and it comes back after each delay, one derivative
+smoother each time (a retarded system smooths). Between these breakpoints everything is smooth and polynomials converge
+faster than any power of their degree [2]_: the integral is taken exactly for polynomial forcing. Two methods do this
+independently: ``"exact"`` on cells of one length (`method_of_steps`) and ``"reference"`` by
+collocation between all breakpoints (`reference_method`).
+
+References
+----------
+.. [1] A. Bellen, M. Zennaro, "Numerical Methods for Delay Differential Equations", Oxford, 2003, chapter 3.
+.. [2] L. N. Trefethen, "Approximation Theory and Approximation Practice", SIAM, 2013, chapters 7 and 8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from susp_ctrl import validation
+from susp_ctrl.delay_systems.approximation.orders import approximation
+from susp_ctrl.delay_systems.integrators.input_signals import Inputs, as_inputs
+from susp_ctrl.delay_systems.integrators.method_of_steps import run_exact
+from susp_ctrl.delay_systems.integrators.reference_method import run_reference
+from susp_ctrl.delay_systems.integrators.trajectory import Past, side_by_side
+from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.simulation.history import past_of
+from susp_ctrl.delay_systems.simulation.simulation_response import SimulationResponse, simulation_response
+from susp_ctrl.errors import InputError
+
+_METHODS = ("exact", "reference", "pade", "spectral")
+_DELAYS_EXACT = ("exact", "reference")
+_TOGETHER = 16  # cases taken through the same cells at once: more gain nothing and need memory
+
+
+def simulate(
+    sys: Any,
+    timepts: ArrayLike,
+    inputs: Any = None,
+    method: str = "exact",
+    *,
+    order: Any = None,
+    history: Any = None,
+    hold: str = "linear",
+    breakpoints: ArrayLike = (),
+    rtol: float = 1e-8,
+) -> SimulationResponse:
+    r"""Simulate a system with exact delays.
+
+    Parameters
+    ----------
+    sys : DelayLTI, control.StateSpace or control.TransferFunction
+        Continuous-time system.
+    timepts : array_like, shape (n_times,)
+        Increasing times (s), not negative; they need not be uniform. The run always begins at t = 0 (or where
+        the run in `history` ended).
+    inputs : dict, array_like or callable, optional
+        Dictionary name -> callable ``t -> (len(t),)``, array (n_times,) or number, missing inputs being zero;
+        or an array (n_inputs, n_times); or a callable ``t -> (n_inputs, len(t))``. Inputs are zero for t < 0.
+        A callable may carry the attributes ``breakpoints`` (times of its kinks and jumps, s), ``bandwidth``
+        (rad/s) and ``sines`` = (omegas, amplitudes, phases), meaning ``sum a sin(omega t + phi)`` for all t.
+    method : {"exact", "reference", "pade", "spectral"}
+        Exact delays, fast, or slowly and by an independent method to about 1e-12; ``sys.pade(order)``; or a
+        spectral line for each delay.
+    order : int or sequence of int, optional
+        Order of the approximation, for all delays or one for each of ``sys.delays``; by default chosen for the
+        input's bandwidth and the plant's natural frequencies.
+    history : None, array_like, callable, "steady" or SimulationResponse, optional
+        State before t = 0: zero; constant, shape (n_states,); ``t -> (n_states, len(t))`` on [-longest delay, 0]
+        (the sum of delays in series where a delayed signal is delayed again); "steady": the steady motion under
+        inputs that are sums of sines for all t; or the response of an earlier run of this system, which is
+        continued from its end.
+    hold : {"linear", "zero"}
+        What input arrays do between their samples: joined by lines, or held.
+    breakpoints : array_like, optional
+        Times (s) of kinks and jumps of the inputs that the callables do not announce.
+    rtol : float, optional
+        Error wanted, relative to each output's peak; between 1e-13 and 1e-2.
+
+    Returns
+    -------
+    SimulationResponse
+        A `control.TimeResponseData` with the system's input, output and state names, and
+        `error_estimate`.
+
+    Raises
+    ------
+    InputError
+        An argument is not allowed; the message names it.
+    OverflowError
+        The response of an unstable system leaves the range of floating point numbers.
+
+    Warns
+    -----
+    PadeOrderWarning
+        The order is too low for the input's band or the plant; the message names the order needed.
+    RuntimeWarning
+        The estimated error exceeds `rtol`.
+
+    Notes
+    -----
+    Between kinks the delayed signals are known smooth functions, so each stretch is an ordinary forced linear
+    system [1]_. Values at a jump are those just after it.
+
+    References
+    ----------
+    .. [1] A. Bellen, M. Zennaro, "Numerical Methods for Delay Differential Equations", Oxford, 2003, chapter 3.
+    """
+    system = as_delay_lti(sys, "sys")
+    times = validation.increasing("timepts", timepts, at_least=0.0)
+    validation.one_of("method", method, _METHODS)
+    validation.one_of("hold", hold, ("linear", "zero"))
+    validation.number("rtol", rtol, at_least=1e-13, at_most=1e-2)
+    signals = as_inputs(inputs, system.input_labels, times, hold, breakpoints)
+    if method not in _DELAYS_EXACT:
+        if history is not None:
+            raise InputError(
+                f"history is not allowed with method = {method!r}: its delays have no history but zero"
+            )
+        system, order = _approximated(system, method, order, signals)
+    elif order is not None:
+        raise InputError(
+            f"order = {order!r} is not allowed with method = {method!r}: exact delays have no order"
+        )
+    past = past_of(system, history, signals)
+    _check_start(times, past, signals)
+    if method == "reference":
+        run = run_reference(system.folded, [signals], times, past)
+    else:
+        run = run_exact(system.folded, [signals], times, past, rtol)
+    return simulation_response(system, times, run, method, order, rtol)
+
+
+def simulate_many(
+    systems: Any,
+    timepts: ArrayLike,
+    inputs: Any = None,
+    *,
+    history: Any = None,
+    hold: str = "linear",
+    breakpoints: ArrayLike = (),
+    rtol: float = 1e-8,
+) -> list[SimulationResponse]:
+    """Simulate many systems, or one under many inputs, with exact delays.
+
+    Cases that share a system are taken through the same cells together, which is several times faster than one
+    after the other.
+
+    Parameters
+    ----------
+    systems : system or sequence of systems
+        As `simulate` takes them. One system serves all inputs.
+    timepts : array_like, shape (n_times,)
+        Increasing times (s), common to all cases.
+    inputs : sequence, dict or callable, optional
+        A list or tuple with one entry for each case, each as `simulate` takes it; a single dictionary or callable
+        serves all systems.
+    history : optional
+        As in `simulate`, common to all cases; responses cannot be continued here.
+    hold, breakpoints, rtol
+        As in `simulate`.
+
+    Returns
+    -------
+    list of SimulationResponse
+        One for each case, in order.
+
+    Raises
+    ------
+    InputError
+        An argument is not allowed, or systems and inputs differ in number.
+    OverflowError
+        A response leaves the range of floating point numbers.
+    """
+    models = list(systems) if isinstance(systems, Sequence) else [systems]
+    loads = list(inputs) if isinstance(inputs, list | tuple) else [inputs]
+    cases = max(len(models), len(loads))
+    if len(models) not in (1, cases) or len(loads) not in (1, cases) or not models or not loads:
+        raise InputError(
+            f"inputs has {len(loads)} cases for {len(models)} systems: one for each, or one for all"
+        )
+    for k, load in enumerate(loads):
+        if not (load is None or callable(load) or isinstance(load, Mapping)) and not hasattr(load, "ndim"):
+            raise InputError(
+                f"inputs[{k}] is a {type(load).__name__}: a dictionary, callable or array is needed"
+            )
+    if isinstance(history, SimulationResponse):
+        raise InputError("history is a response: continue runs one by one with simulate")
+    times = validation.increasing("timepts", timepts, at_least=0.0)
+    validation.one_of("hold", hold, ("linear", "zero"))
+    validation.number("rtol", rtol, at_least=1e-13, at_most=1e-2)
+    models = models * (cases if len(models) == 1 else 1)
+    loads = loads * (cases if len(loads) == 1 else 1)
+    groups: dict[int, list[int]] = {}
+    for k, model in enumerate(models):
+        groups.setdefault(id(model), []).append(k)
+    responses: dict[int, SimulationResponse] = {}
+    for members in groups.values():
+        system = as_delay_lti(models[members[0]], f"systems[{members[0]}]")
+        for a in range(0, len(members), _TOGETHER):
+            some = members[a : a + _TOGETHER]
+            signals = [
+                as_inputs(loads[k], system.input_labels, times, hold, breakpoints, f"inputs[{k}]")
+                for k in some
+            ]
+            pasts = [past_of(system, history, s) for s in signals]
+            for past, s in zip(pasts, signals, strict=True):
+                _check_start(times, past, s)
+            run = run_exact(system.folded, signals, times, side_by_side(pasts), rtol)
+            for j, k in enumerate(some):
+                responses[k] = simulation_response(system, times, run, "exact", None, rtol, j)
+    return [responses[k] for k in range(cases)]
+
+
+def _approximated(system: DelayLTI, method: str, order: Any, signals: Inputs) -> tuple[DelayLTI, Any]:
+    ordinary, chosen = approximation(system, method, order, signals.bandwidth)
+    return as_delay_lti(ordinary), chosen
+
+
+def _check_start(times: FloatArray, past: Past, signals: Inputs) -> None:
+    if times[0] < past.start:
+        raise InputError(
+            f"timepts[0] = {times[0]:g} is not allowed: the run in history ended at {past.start:g} s"
+        )
+    if signals.knots is not None and times[0] > past.start:
+        raise InputError(
+            f"timepts[0] = {times[0]:g} is not allowed: input arrays must begin at t = {past.start:g} s"
+        )

@@ -1,0 +1,1 @@
+"""Whether the printed numbers of a publication follow from its own equations."""

@@ -1,0 +1,1 @@
+"""What was computed: data classes without any computation, and the file that keeps them."""

@@ -1,0 +1,1 @@
+"""How each part of a study is computed from its settings."""

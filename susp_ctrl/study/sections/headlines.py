@@ -1,0 +1,97 @@
+"""The three lines that a person most wants to know of a finished study."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from susp_ctrl.study.results.study_run import AuditSection, PadeCase, StabilitySection, TimeCase, TuningRun
+from susp_ctrl.study.sections.workbench import Workbench
+from susp_ctrl.study.settings.vehicle import PASSIVE
+
+
+def headlines(
+    bench: Workbench,
+    tuning: tuple[TuningRun, ...],
+    stability: StabilitySection | None,
+    time: tuple[TimeCase, ...],
+    audit: AuditSection | None,
+    pade: tuple[PadeCase, ...] = (),
+    pade_verdicts: pd.DataFrame | None = None,
+) -> tuple[str, ...]:
+    """Return up to three plain sentences: stability, effect of the designs, audit; without audit, on Padé."""
+    lines = [_stability_line(stability)]
+    if audit is None:
+        lines += [_tolerance_line(bench, pade), _verdict_line(bench, pade_verdicts)]
+    lines += [_effect_line(bench, tuning, time), _audit_line(audit)]
+    return tuple(line for line in lines if line)[:3]
+
+
+def _stability_line(stability: StabilitySection | None) -> str:
+    if stability is None:
+        return ""
+    verdicts = stability.verdicts
+    counts = {word: int((verdicts["verdict"] == word).sum()) for word in ("stable", "unstable", "undecided")}
+    told = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+    line = f"Stability of {len(verdicts)} designs: {told}"
+    box = stability.independence
+    if box is not None and box.verdict == "stable":
+        line += (
+            f"; every design in the search box is stable for all delays (small gain {box.supremum:.4f} < 1)"
+        )
+    return f"{line}."
+
+
+def _effect_line(bench: Workbench, tuning: tuple[TuningRun, ...], time: tuple[TimeCase, ...]) -> str:
+    parts = []
+    for case in time:
+        exact = case.rms[(case.rms["method"] == "exact") & (case.rms["design"] != PASSIVE)]
+        if exact.empty:
+            continue
+        first = exact[exact["indicator"] == exact["indicator"].iloc[0]]
+        changes = ", ".join(
+            f"{bench.design(row.design).label} {row.change_percent:+.1f} %" for row in first.itertuples()
+        )
+        name = str(first["indicator"].iloc[0]).replace("_", " ")
+        parts.append(f"{case.label}: {changes}")
+        lead = f"RMS {name} against passive"
+    if parts:
+        return f"{lead}: {'; '.join(parts)}."
+    found = [f"{run.label}: J = {run.value:.4g}" for run in tuning]
+    return f"Tuning: {'; '.join(found)}." if found else ""
+
+
+def _audit_line(audit: AuditSection | None) -> str:
+    if audit is None or audit.summary.empty:
+        return ""
+    total = audit.summary.iloc[-1]
+    number = total["reproduced"] + total["not_reproduced"] + total["explained"]
+    return (
+        f"Audit of {number} printed numbers: {total['reproduced']} reproduced, {total['explained']} explained by a "
+        f"named misprint, {total['not_reproduced']} not reproduced."
+    )
+
+
+def _tolerance_line(bench: Workbench, pade: tuple[PadeCase, ...]) -> str:
+    told = []
+    for case in pade:
+        if case.met is None:
+            continue
+        tolerance = case.met["tolerance"].max()
+        worst = case.met.loc[case.met["tolerance"] == tolerance, "order"].max(skipna=False)
+        needed = f"from order {worst:.0f} on" if worst == worst else "at none of the orders"
+        told.append(f"{bench.design(case.design).label} {needed}")
+    return f"Padé keeps every error below {100 * tolerance:g} %: {'; '.join(told)}." if told else ""
+
+
+def _verdict_line(bench: Workbench, verdicts: pd.DataFrame | None) -> str:
+    if verdicts is None:
+        return ""
+    told = []
+    for key, rows in verdicts.groupby("design", sort=False):
+        wrong = rows[~rows["right"] & (rows["exact"] != "undecided")]
+        if not wrong.empty:
+            first = wrong.iloc[0]
+            orders = ", ".join(str(order) for order in wrong["order"])
+            said = wrong["pade_says"].iloc[0]
+            told.append(f"{bench.design(str(key)).label} is {first['exact']}, {said} at order {orders}")
+    return f"Wrong verdicts of Padé on stability: {'; '.join(told)}." if told else ""

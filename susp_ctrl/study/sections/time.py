@@ -1,0 +1,231 @@
+"""Simulations on a road: every design with exact delays and with Padé, RMS values of both and of neither."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.integrate import trapezoid
+
+from susp_ctrl.delay_systems import DelayLTI, pade_order, simulate
+from susp_ctrl.delay_systems.approximation.pade import HIGHEST_ORDER
+from susp_ctrl.errors import InputError, PadeOrderWarning, UnstableSystemError
+from susp_ctrl.ride import ride_indices, signal_unit, stationary_rms
+from susp_ctrl.road import BumpRoad, HarmonicRoad, RandomRoad
+from susp_ctrl.study.results.study_run import Design, TimeCase
+from susp_ctrl.study.sections.workbench import FloatArray, Report, Workbench, road_text
+from susp_ctrl.study.settings.audit import AuditSettings, printed_number
+from susp_ctrl.study.settings.simulation import RoadSettings, TimeSettings
+from susp_ctrl.study.settings.vehicle import PASSIVE
+
+EXACT, PADE, STATIONARY = "exact", "pade", "stationary"
+
+
+def time_case(
+    bench: Workbench, settings: TimeSettings, audit: AuditSettings | None, report: Report
+) -> TimeCase:
+    """Simulate all designs of one case.
+
+    Parameters
+    ----------
+    bench : Workbench
+    settings : TimeSettings
+    audit : AuditSettings or None
+        Holds the printed numbers of this case, if there are any.
+    report : callable
+        Told the share done.
+
+    Returns
+    -------
+    TimeCase
+    """
+    road = build_road(settings.road, bench.speed)
+    every = round(settings.report_step / settings.step)
+    designs = bench.chosen(settings.designs) if settings.designs else bench.chosen([PASSIVE])
+    orders: dict[str, tuple[int, ...]] = {}
+    records: dict[tuple[str, str], Record] = {}
+    stationary: dict[str, pd.Series] = {}
+    for n, design in enumerate(designs):
+        records[design.key, EXACT] = record(bench, design.key, settings, road)
+        if design.channels:
+            order = settings.pade_order or band_order(bench.loop(design.key), settings.pade_omega)
+            orders[design.key] = (order,) * len(design.channels)
+            with warnings.catch_warnings():
+                if settings.pade_order is None:
+                    # The band is the one that the study asks for.
+                    warnings.simplefilter("ignore", PadeOrderWarning)
+                records[design.key, PADE] = record(bench, design.key, settings, road, order)
+        stationary[design.key] = stationary_indices(bench, design.key, road)
+        report((n + 1) / len(designs))
+    times = record_times(settings)[::every]
+    return TimeCase(
+        key=settings.key,
+        label=settings.label,
+        road_text=_text(settings, bench.speed),
+        timepts=times,
+        road_profiles={name: road.profile(times + settings.lead_in, lag) for name, lag in bench.lags.items()},
+        outputs=settings.outputs,
+        designs=tuple(design.key for design in designs),
+        histories={which: found.outputs[:, ::every] for which, found in records.items()},
+        pade_orders=orders,
+        rms=_rms_table(
+            designs, {which: found.rms for which, found in records.items()}, stationary, settings.outputs
+        ),
+        indices=pd.concat(
+            [_indices(design, records[design.key, EXACT]) for design in designs], ignore_index=True
+        ),
+        printed=_printed(settings.key, audit),
+        pade_difference=_differences(designs, records, settings.outputs),
+    )
+
+
+def build_road(settings: RoadSettings, speed: float) -> Any:
+    """Return the road of a case, met at the given speed (m/s)."""
+    if settings.kind == "harmonic":
+        return HarmonicRoad(settings.amplitude, settings.omega)  # type: ignore[arg-type]  # the schema demands it
+    if settings.kind == "bump":
+        return BumpRoad(settings.height, settings.length, speed)  # type: ignore[arg-type]
+    bins = {} if settings.bins is None else {"bins": settings.bins}
+    return RandomRoad(iso_class=settings.iso_class, speed=speed, seed=settings.seed or 0, **bins)
+
+
+def record_times(settings: TimeSettings) -> FloatArray:
+    """Return the instants of the record (s), from 0, `step` apart."""
+    count = int(np.floor(settings.duration / settings.step * (1 + 1e-12)))
+    return np.asarray(settings.step * np.arange(count + 1), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Record:
+    """A simulated record: outputs, shape (outputs, n), RMS by output, ride indices; nan where the run overflowed."""
+
+    outputs: FloatArray
+    rms: pd.Series
+    indices: pd.DataFrame
+
+
+def record(
+    bench: Workbench, key: str, settings: TimeSettings, road: Any, order: int | None = None, *, every: int = 1
+) -> Record:
+    """Simulate one design on the road of a case: exact delays, or Padé of the order given.
+
+    The run begins at rest when the front wheel meets the road; the record begins `lead_in` later and takes every
+    `every`-th instant. An unstable loop may leave the range of numbers: the record is nan then.
+    """
+    times = record_times(settings)[::every]
+    method: dict[str, Any] = {} if order is None else {"method": "pade", "order": order}
+    try:
+        response = simulate(bench.loop(key), settings.lead_in + times, road.inputs(bench.lags), **method)
+        values = _rows(response, settings.outputs)
+        if not np.all(np.isfinite(values)):
+            raise OverflowError
+        indices = ride_indices(response, settings.skip, vehicle=bench.study.vehicle)
+    except OverflowError:
+        values = np.full((len(settings.outputs), times.size), np.nan)
+        indices = pd.DataFrame(columns=["indicator", "value", "unit"])
+    return Record(values, _rms(times, values, settings), indices)
+
+
+def band_order(loop: DelayLTI, omega: float) -> int:
+    """Return the Padé order that the band up to omega (rad/s) needs, or the highest there is."""
+    try:
+        return pade_order(loop, omega)
+    except InputError:
+        return HIGHEST_ORDER
+
+
+def stationary_indices(bench: Workbench, key: str, road: Any) -> pd.Series:
+    """Return the RMS indices of a design without simulation; none for a bump or a loop that is not stable."""
+    if not isinstance(road, BumpRoad):
+        try:
+            return stationary_rms(bench.loop(key), road, bench.lags).set_index("indicator")["value"]
+        except UnstableSystemError:
+            pass
+    return pd.Series(dtype=float)
+
+
+def _rows(response: Any, outputs: tuple[str, ...]) -> FloatArray:
+    values = np.asarray(response.outputs, dtype=float).reshape(len(response.output_labels), -1)
+    return values[[list(response.output_labels).index(name) for name in outputs]]
+
+
+def _rms(times: FloatArray, values: FloatArray, settings: TimeSettings) -> pd.Series:
+    """Return the RMS of every output over the record after `skip`, by the trapezoidal rule."""
+    kept = times >= settings.skip * (1 - 1e-12)
+    span = times[kept][-1] - times[kept][0]
+    return pd.Series(
+        np.sqrt(trapezoid(values[:, kept] ** 2, times[kept]) / span), index=list(settings.outputs)
+    )
+
+
+def _indices(design: Design, found: Record) -> pd.DataFrame:
+    return found.indices.assign(design=design.key)[["indicator", "unit", "design", "value"]]
+
+
+def _rms_table(
+    designs: list[Design],
+    simulated: dict[tuple[str, str], pd.Series],
+    stationary: dict[str, pd.Series],
+    outputs: tuple[str, ...],
+) -> pd.DataFrame:
+    rms = simulated | {(key, STATIONARY): values for key, values in stationary.items()}
+    rows = []
+    for output in outputs:
+        for design in designs:
+            for method in (EXACT, PADE, STATIONARY):
+                value = rms.get((design.key, method), pd.Series(dtype=float)).get(output)
+                if value is None:
+                    continue
+                reference = rms[PASSIVE, STATIONARY if method == STATIONARY else EXACT].get(output, np.nan)
+                change = np.nan if design.key == PASSIVE or not reference else 100 * (value / reference - 1)
+                rows.append(
+                    (
+                        output,
+                        signal_unit(output),
+                        design.key,
+                        design.role,
+                        method,
+                        float(value),
+                        float(change),
+                    )
+                )
+    columns = ["indicator", "unit", "design", "role", "method", "value", "change_percent"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _differences(
+    designs: list[Design], records: dict[tuple[str, str], Record], outputs: tuple[str, ...]
+) -> pd.DataFrame:
+    rows = []
+    for design in designs:
+        if (design.key, PADE) not in records:
+            continue
+        exact, approximate = records[design.key, EXACT].outputs, records[design.key, PADE].outputs
+        largest, peak = np.abs(approximate - exact).max(axis=1), np.abs(exact).max(axis=1)
+        relative = np.divide(largest, peak, out=np.full_like(peak, np.nan), where=peak > 0)
+        for output, d, r in zip(outputs, largest, relative, strict=True):
+            rows.append((design.key, output, signal_unit(output), float(d), float(r)))
+    return pd.DataFrame(rows, columns=["design", "output", "unit", "max_difference", "relative_to_peak"])
+
+
+def _printed(key: str, audit: AuditSettings | None) -> pd.DataFrame | None:
+    rows = [
+        (row.indicator, design, printed_number(text).value)
+        for table in (audit.tables if audit is not None else ())
+        if table.time == key
+        for row in table.rows
+        for design, text in ((PASSIVE, row.passive), (table.active, row.active))
+    ]
+    return pd.DataFrame(rows, columns=["indicator", "design", "value"]) if rows else None
+
+
+def _text(settings: TimeSettings, speed: float) -> str:
+    begin = (
+        f"the record begins {settings.lead_in:g} s after the car, at rest, met the road"
+        if settings.lead_in
+        else "the car is at rest when the front wheel meets the road at t = 0"
+    )
+    return f"{road_text(settings.road, speed)}; {begin}"

@@ -1,0 +1,1 @@
+"""What the study file asks for: typed settings and the strict reader of the file."""

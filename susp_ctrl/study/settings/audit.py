@@ -1,0 +1,160 @@
+"""The published numbers a study holds its own against: data of the study file, as the source prints them.
+
+Printed numbers are texts, so that the number of printed digits is kept: it says how closely a computed value can be
+expected to agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from susp_ctrl.study.settings.fields import SettingError, Settings, setting
+
+
+class Printed(NamedTuple):
+    """A printed number: its value, half a unit of its last digit, and the text."""
+
+    value: float
+    half_digit: float
+    text: str
+
+
+def printed_number(text: str) -> Printed:
+    """Read a printed number such as ``"9.7508e-4"``; ValueError if it is none.
+
+    Examples
+    --------
+    >>> printed_number("0.5026")
+    Printed(value=0.5026, half_digit=5e-05, text='0.5026')
+    """
+    mantissa, _, exponent = text.strip().lower().partition("e")
+    decimals = len(mantissa.partition(".")[2])
+    return Printed(float(text), 0.5 * 10.0 ** (int(exponent or 0) - decimals), text)
+
+
+def _check_printed(**texts: str | None) -> None:
+    for name, text in texts.items():
+        if text is None:
+            continue
+        try:
+            printed_number(text)
+        except ValueError:
+            raise SettingError(
+                name, text, 'a number as printed, in quotes, such as "0.5026", is needed'
+            ) from None
+
+
+@dataclass(frozen=True)
+class PrintedRow(Settings):
+    """One row of a printed RMS table."""
+
+    indicator: str = setting(not_empty=True)
+    passive: str = setting()
+    active: str = setting()
+    change_percent: str | None = setting(None)
+    misprint: str = setting("")
+
+    def check(self) -> None:
+        """Check that the entries are numbers."""
+        _check_printed(passive=self.passive, active=self.active, change_percent=self.change_percent)
+
+
+@dataclass(frozen=True)
+class PrintedTable(Settings):
+    """A printed RMS table: passive against one published design on the road of a time case."""
+
+    item: str = setting(not_empty=True)
+    time: str = setting(not_empty=True)
+    active: str = setting(not_empty=True)
+    road_printed: bool = setting(True)
+    rows: tuple[PrintedRow, ...] = setting(not_empty=True)
+
+
+@dataclass(frozen=True)
+class PrintedRoot(Settings):
+    """One printed characteristic root; its conjugate is understood."""
+
+    name: str = setting(not_empty=True)
+    real: str = setting()
+    imaginary: str = setting()
+
+    def check(self) -> None:
+        """Check that the entries are numbers."""
+        _check_printed(real=self.real, imaginary=self.imaginary)
+
+
+@dataclass(frozen=True)
+class Substitution(Settings):
+    """One entry of a matrix of x' = A x + B x(t - tau): what eq. (1) gives and what was used instead.
+
+    Both are expressions in the symbols of Table 1; in B the gains are g1 and g2. Rows and columns count from 1.
+    """
+
+    matrix: str = setting(choices=("A", "B"))
+    row: int = setting(at_least=1, at_most=8)
+    column: int = setting(at_least=1, at_most=8)
+    correct: str = setting(not_empty=True)
+    used: str = setting(not_empty=True)
+    note: str = setting("")
+
+
+@dataclass(frozen=True)
+class PrintedRoots(Settings):
+    """Printed roots of a design without delay, and the misprinted matrices that may explain them."""
+
+    item: str = setting(not_empty=True)
+    design: str = setting(not_empty=True)
+    roots: tuple[PrintedRoot, ...] = setting(not_empty=True)
+    substitutions: tuple[Substitution, ...] = setting(())
+
+
+@dataclass(frozen=True)
+class PrintedInterval(Settings):
+    """A printed stability interval of the delay, with the crossing frequencies printed for it."""
+
+    item: str = setting(not_empty=True)
+    design: str = setting(not_empty=True)
+    upper: str = setting(unit="s")
+    crossings: tuple[str, ...] = setting((), unit="rad_per_s")
+
+    def check(self) -> None:
+        """Check that the entries are numbers."""
+        _check_printed(upper_s=self.upper)
+        for n, text in enumerate(self.crossings, 1):
+            _check_printed(**{f"crossings_rad_per_s[{n}]": text})
+
+
+@dataclass(frozen=True)
+class PrintedPeak(Settings):
+    """A printed peak frequency of |H|."""
+
+    item: str = setting(not_empty=True)
+    design: str = setting("passive")
+    output: str = setting(not_empty=True)
+    frequency: str = setting(unit="Hz")
+
+    def check(self) -> None:
+        """Check that the entry is a number."""
+        _check_printed(frequency_Hz=self.frequency)
+
+
+@dataclass(frozen=True)
+class PrintedOptimum(Settings):
+    """A published design that the source calls optimal, against the optimum found here."""
+
+    item: str = setting(not_empty=True)
+    published: str = setting(not_empty=True)
+    tuned: str = setting(not_empty=True)
+
+
+@dataclass(frozen=True)
+class AuditSettings(Settings):
+    """All printed numbers; `tolerance` is the relative difference up to which a number counts as reproduced."""
+
+    tolerance: float = setting(0.005, at_least=0.0, at_most=0.1)
+    tables: tuple[PrintedTable, ...] = setting(())
+    roots: tuple[PrintedRoots, ...] = setting(())
+    intervals: tuple[PrintedInterval, ...] = setting(())
+    peaks: tuple[PrintedPeak, ...] = setting(())
+    optima: tuple[PrintedOptimum, ...] = setting(())

@@ -1,0 +1,221 @@
+"""From a study file to a checked `Study`."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tomllib
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import control
+
+from susp_ctrl.errors import InputError
+from susp_ctrl.ride.indicators import indicator_signals
+from susp_ctrl.study.settings.fields import Place, SettingError
+from susp_ctrl.study.settings.references import check_references
+from susp_ctrl.study.settings.study import StudySettings
+from susp_ctrl.study.settings.units import parameter_unit
+from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
+
+_STEP = re.compile(r"([A-Za-z0-9_]+)(?:\[([^\]]+)\])?(?:\.|$)")
+
+
+@dataclass(frozen=True)
+class Study:
+    """A checked study: the settings, and where they come from.
+
+    Attributes
+    ----------
+    settings : StudySettings
+        What the study says.
+    file : str
+        Name of the study file, for messages and the report.
+    sha256 : str
+        Of the bytes of the file; empty for a study that was changed or built in Python.
+    table : mapping
+        The study as plain TOML data, from which `with_changes` starts.
+    """
+
+    settings: StudySettings
+    file: str
+    sha256: str
+    table: Mapping[str, Any]
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], file: str = "study", sha256: str = "") -> Study:
+        """Check a study given as TOML data.
+
+        Raises
+        ------
+        InputError
+            One line ``file: key = value: what is allowed``.
+        """
+        place = Place(file)
+        settings = _with_indicators(StudySettings.from_table(place, table))
+        try:
+            check_references(settings)
+        except SettingError as problem:
+            raise place.error(problem) from None
+        return cls(settings, file, sha256, table)
+
+    def with_changes(self, changes: Mapping[str, Any]) -> Study:
+        """Return the study with some keys changed, checked again.
+
+        Parameters
+        ----------
+        changes : mapping of str to value
+            Keys as in messages: ``"vehicle.body_mass_kg"``, ``"time[random].road.seed"``,
+            ``"designs[random_published].channels[1].delay_s"`` (entries of lists by their key, or by their position
+            counted from 1).
+
+        Raises
+        ------
+        InputError
+            A path that leads nowhere, or a value that is not allowed.
+        """
+        table = deepcopy(dict(self.table))
+        for path, value in changes.items():
+            _set(table, path, value)
+        return Study.from_table(table, self.file)
+
+    def value(self, path: str) -> Any:
+        """Return what a key says, by its path as in `with_changes`; None where the study does not give it.
+
+        Parameters of the vehicle that are not given have their default.
+        """
+        here: Any = self.table
+        for name, entry in _STEP.findall(path):
+            here = here.get(name) if isinstance(here, Mapping) else None
+            if entry and here is not None:
+                here = next(
+                    (e for i, e in enumerate(here, 1) if e.get("key") == entry or entry == str(i)), None
+                )
+        section, _, key = path.partition(".")
+        if here is None and section == "vehicle":
+            names = {f"{f.name}_{parameter_unit(f.name)}": f.name for f in fields(self.vehicle)}
+            if key in names:
+                return getattr(self.vehicle, names[key])
+            return self.settings.vehicle.speed if key == "speed_m_per_s" else None
+        return here
+
+    @property
+    def name(self) -> str:
+        """Short name, used for folders."""
+        return self.settings.name
+
+    @property
+    def title(self) -> str:
+        """Title of the report."""
+        return self.settings.title
+
+    @cached_property
+    def vehicle(self) -> HalfCar | QuarterCar | FullCar:
+        """The vehicle."""
+        return self.settings.vehicle.build()
+
+    @cached_property
+    def plant(self) -> control.StateSpace:
+        """The vehicle as a plant with named signals."""
+        return self.vehicle.plant()
+
+    @property
+    def lags(self) -> dict[str, float]:
+        """Delay (s) of every road input behind the front axle, in the plant's order."""
+        return {road: self._lag(road) for road in road_inputs(self.plant)}
+
+    def _lag(self, road: str) -> float:
+        if "rear" in road.split("_") and not isinstance(self.vehicle, QuarterCar):
+            return self.vehicle.axle_lag(self.settings.vehicle.speed)
+        return 0.0
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the plant out, which python-control cannot pickle; it is built again when asked for."""
+        return {name: value for name, value in self.__dict__.items() if name != "plant"}
+
+    def _repr_html_(self) -> str:
+        """Say in a notebook what the study is."""
+        return f"<b>{self.settings.title}</b><br>{self.file}"
+
+
+def load_study(path: str | Path) -> Study:
+    """Read and check a study file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A TOML file; units stand in the keys.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError
+        A file that is missing or is no TOML, an unknown key (the nearest known one is named), a value that is not
+        allowed, a signal or design that does not exist: one line ``file: key = value: what is allowed``.
+    """
+    file = Path(path)
+    try:
+        content = file.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such study file") from None
+    except OSError as problem:
+        raise InputError(f"{path}: the study file cannot be read: {problem.strerror}") from None
+    try:
+        table = tomllib.loads(content.decode("utf-8"))
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: the study file is not UTF-8 text") from None
+    except tomllib.TOMLDecodeError as problem:
+        raise InputError(f"{path}: the study file is not valid TOML: {problem}") from None
+    return Study.from_table(table, str(path), hashlib.sha256(content).hexdigest())
+
+
+def road_inputs(plant: control.StateSpace) -> list[str]:
+    """Return the road inputs of a plant, in its order."""
+    return [name for name in plant.input_labels if name.split("_")[0] == "road"]
+
+
+def _with_indicators(study: StudySettings) -> StudySettings:
+    """Fill in the outputs that the file leaves to the vehicle: its ride indicators."""
+    indicators = tuple(indicator_signals(study.vehicle.build().plant().output_labels))
+    heave_and_pitch = tuple(n for n in indicators if n in ("body_acceleration", "pitch_acceleration"))
+    frequency = study.frequency
+    if frequency is not None:
+        frequency = replace(
+            frequency,
+            outputs=frequency.outputs or indicators,
+            curve_outputs=frequency.curve_outputs or heave_and_pitch,
+        )
+    time = tuple(replace(case, outputs=case.outputs or indicators) for case in study.time)
+    return replace(study, frequency=frequency, time=time)
+
+
+def _set(table: dict[str, Any], path: str, value: Any) -> None:
+    """Set a key of nested tables by its path."""
+    here: Any = table
+    steps = _STEP.findall(path)
+    if sum(match.end() - match.start() for match in _STEP.finditer(path)) != len(path):
+        raise InputError(f"{path} = {value!r}: a path such as time[random].road.seed is needed")
+    for n, (name, entry) in enumerate(steps):
+        if not isinstance(here, dict):
+            raise InputError(f"{path} = {value!r}: there is no such key")
+        if n == len(steps) - 1 and not entry:
+            here[name] = value
+            return
+        if name not in here:
+            if entry:
+                raise InputError(f"{path} = {value!r}: there is no {name}")
+            here[name] = {}
+        here = here[name]
+        if entry:
+            found = [e for i, e in enumerate(here, 1) if e.get("key") == entry or entry == str(i)]
+            if not found:
+                raise InputError(f"{path} = {value!r}: {name} has no entry {entry!r}")
+            here = found[0]
+    raise InputError(f"{path} = {value!r}: a path that ends in a key is needed")

@@ -1,0 +1,1 @@
+"""What becomes of the study in many variants: plan, processes, journal, table."""
