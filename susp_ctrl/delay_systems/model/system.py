@@ -26,6 +26,7 @@ from control.lti import LTI
 from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl import validation
+from susp_ctrl.delay_systems.delay_lti import PythonControlMethods
 from susp_ctrl.delay_systems.model.folding import FoldedLoop, fold, refuse_neutral
 from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization
 from susp_ctrl.delay_systems.model.loop_response import loop_response
@@ -33,7 +34,6 @@ from susp_ctrl.delay_systems.model.operators import DelayOperators
 from susp_ctrl.delay_systems.model.signal_names import checked_names, signal_labels, system_name
 from susp_ctrl.delay_systems.model.state_delays import state_delay_realization
 from susp_ctrl.delay_systems.model.transfer_functions import state_space, state_space_of
-from susp_ctrl.delay_systems.python_control import PythonControlMethods
 from susp_ctrl.errors import InputError
 
 
