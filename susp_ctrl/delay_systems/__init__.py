@@ -7,6 +7,7 @@ from susp_ctrl.delay_systems.approximation.pade import pade_approximation, pade_
 from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant, open_loop
 from susp_ctrl.delay_systems.comparison import compare_pade
+from susp_ctrl.delay_systems.connections import append, delay, feedback, parallel, series
 from susp_ctrl.delay_systems.crossings.delay_independence import (
     DelayIndependence,
     delay_independent_stability,
@@ -15,12 +16,11 @@ from susp_ctrl.delay_systems.crossings.delay_independence import (
 )
 from susp_ctrl.delay_systems.crossings.delay_sweep import DelaySweep
 from susp_ctrl.delay_systems.crossings.frequency_sweep import sweep_delays
+from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.frequency.margins import StabilityMargins, stability_margins
 from susp_ctrl.delay_systems.frequency.norms import h2_norm, hinf_norm, output_rms
 from susp_ctrl.delay_systems.maps.stability_chart import StabilityMap
 from susp_ctrl.delay_systems.maps.two_delay_map import stability_map
-from susp_ctrl.delay_systems.model.arithmetic import append, delay, feedback, parallel, series
-from susp_ctrl.delay_systems.model.system import DelayLTI
 from susp_ctrl.delay_systems.roots.argument_principle import count_roots_right_of, count_unstable_roots
 from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots, spectral_abscissa
 from susp_ctrl.delay_systems.roots.root_loci import RootLocus, root_locus

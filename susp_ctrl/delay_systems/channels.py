@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from susp_ctrl import validation
+from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.model.lft import Realization
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
 from susp_ctrl.errors import InputError
 
 
@@ -74,7 +74,7 @@ def loop_plant(plant: Any, channels: FeedbackChannel | Sequence[FeedbackChannel]
     -------
     Realization
     """
-    base = as_delay_lti(plant, "plant")
+    base = DelayLTI.of(plant, "plant")
     r = base.realization
     for channel in _checked(channels):
         y = validation.signal_index("measured", channel.measured, base.output_labels)
@@ -118,7 +118,7 @@ def close_loop(
     NeutralLoopError
         Delayed feed-through around the loop; give the channel an `actuator_bandwidth`.
     """
-    base = as_delay_lti(plant, "plant")
+    base = DelayLTI.of(plant, "plant")
     paths = _checked(channels)
     r = loop_plant(base, paths)
     lags = [f"{_label(c.actuator)}_lag[{k}]" for k, c in enumerate(paths) if c.actuator_bandwidth is not None]
@@ -161,7 +161,7 @@ def open_loop(
     InputError
         No channel, or an unknown signal.
     """
-    base = as_delay_lti(plant, "plant")
+    base = DelayLTI.of(plant, "plant")
     paths = _checked(channels)
     if not paths:
         raise InputError("channels is empty: at least one FeedbackChannel is needed")

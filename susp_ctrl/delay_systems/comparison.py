@@ -18,10 +18,10 @@ from numpy.typing import ArrayLike
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximation.pade import HIGHEST_ORDER, pade_approximation
 from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
-from susp_ctrl.delay_systems.model.arithmetic import delay
+from susp_ctrl.delay_systems.connections import delay
+from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.delay_systems.model.loop_response import loop_response
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
 from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
 from susp_ctrl.delay_systems.simulation.time_response import simulate
 from susp_ctrl.delay_systems.verdict import stability
@@ -95,7 +95,7 @@ def compare_pade(
     order beyond that, Padé of the same order faster; Chebyshev points go to any order and damp what they do not
     resolve, where Padé keeps the gain and loses the phase.
     """
-    system = as_delay_lti(sys, "sys")
+    system = DelayLTI.of(sys, "sys")
     checked = _orders(orders)
     band = validation.increasing("omega", omega, at_least=0.0)
     if timepts is None and inputs is not None:
@@ -160,7 +160,7 @@ def _errors(
     }
     if exact.time_response is not None:
         try:
-            values = _simulated(as_delay_lti(approximation), timepts, inputs)
+            values = _simulated(DelayLTI.of(approximation), timepts, inputs)
             found["time_error"] = relative_error(values, exact.time_response)
         except OverflowError:
             # the approximation is unstable and leaves the range of numbers
@@ -180,7 +180,7 @@ def _approximate_response(
     """
     loop, points = system.folded, np.asarray(1j * band, dtype=np.complex128)
     taus, of_channel = np.unique(loop.delays, return_inverse=True)
-    single = [as_delay_lti(approximate(delay(tau), order))(points) for tau in taus]
+    single = [DelayLTI.of(approximate(delay(tau), order))(points) for tau in taus]
     E = np.array(single).reshape(taus.size, points.size)[of_channel].T
     return np.moveaxis(loop_response(loop.plant, points, E), 0, -1)
 

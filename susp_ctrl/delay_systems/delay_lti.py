@@ -1,4 +1,4 @@
-"""What python-control's users expect of a system, for `DelayLTI`: methods that keep the delays exact.
+"""`DelayLTI`, the class that users hold: a system with exact delays that speaks python-control's dialect.
 
 python-control's own functions take a `DelayLTI` where they only evaluate it (`frequency_response`,
 `nyquist_response`, `singular_values_response`, `frd`). Where they look for matrices or polynomials they fail; the
@@ -8,25 +8,57 @@ methods here hand them sampled data instead. A conversion that would lose a dela
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, Self
 
 import control
 import numpy as np
-from control.lti import LTI
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximation.pade import close_bank, pade_approximation, pade_bank
 from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
+from susp_ctrl.delay_systems.frequency.frequency_range import default_frequencies
+from susp_ctrl.delay_systems.frequency.margins import StabilityMargins, stability_margins
+from susp_ctrl.delay_systems.frequency.zeros import transmission_zeros
+from susp_ctrl.delay_systems.model import arithmetic
+from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
+from susp_ctrl.delay_systems.simulation.standard_responses import impulse_response, step_response
+from susp_ctrl.delay_systems.simulation.time_response import simulate
 from susp_ctrl.errors import InputError
 
-if TYPE_CHECKING:
-    from susp_ctrl.delay_systems.frequency.margins import StabilityMargins
-    from susp_ctrl.delay_systems.model.system import DelayLTI
 
+class DelayLTI(DelaySystem):
+    r"""Linear time-invariant system with exact delays, closed around an ordinary plant.
 
-class PythonControlMethods:
-    """Methods of `DelayLTI` in python-control's dialect."""
+    .. math:: H(s) = P_{11} + P_{12} E (I - P_{22} E)^{-1} P_{21},\quad E = \mathrm{diag}(g_k e^{-s\tau_k} I)
+
+    Parameters
+    ----------
+    plant : control.StateSpace or Realization
+        ``P`` with inputs ``[u; w]`` and outputs ``[y; z]``: the delayed signals come last in both.
+    delays : array_like, shape (n_delays,)
+        Delays in seconds, not negative.
+    gains : array_like, shape (n_delays,), optional
+        Gain of each delayed block; one by default.
+    widths : sequence of int, optional
+        Number of signals that share each delay; one each by default.
+    inputs, outputs, states : sequence of str, optional
+        Signal names; taken from `plant` where it has them.
+    name : str, optional
+        System name.
+
+    Raises
+    ------
+    InputError
+        Wrong shapes, a negative or infinite delay, discrete time, an algebraic loop that has no solution.
+    NeutralLoopError
+        A delayed signal feeds through directly around the loop.
+
+    Notes
+    -----
+    Immutable; `with_delays` and `with_gains` give changed copies.
+    """
 
     def pade(self, order: int | Sequence[int], omega_max: float | None = None) -> control.StateSpace:
         """Return the Padé approximation as a `control.StateSpace`; see `pade_approximation`.
@@ -38,7 +70,7 @@ class PythonControlMethods:
         omega_max : float, optional
             Highest frequency (rad/s) that matters; a `PadeOrderWarning` tells where the order is too low.
         """
-        return pade_approximation(self._system, order, omega_max)
+        return pade_approximation(self, order, omega_max)
 
     def spectral(self, order: int | Sequence[int]) -> control.StateSpace:
         """Return the spectral approximation as a `control.StateSpace`; see `spectral_approximation`.
@@ -48,7 +80,20 @@ class PythonControlMethods:
         order : int or sequence of int
             Points of the transport line of all delays, or of each; 1 to 400.
         """
-        return spectral_approximation(self._system, order)
+        return spectral_approximation(self, order)
+
+    def feedback(self, other: Any = 1, sign: float = -1, **names: Any) -> Self:
+        """Close a loop around this system; see `susp_ctrl.feedback`."""
+        weight = validation.number("sign", sign)
+        if abs(weight) != 1.0:
+            raise InputError(
+                f"sign = {weight:g} is not allowed: -1 (negative feedback) or 1 (positive) is needed"
+            )
+        return arithmetic.closed_around(self, self.of(other, "sys2"), weight).renamed(names)
+
+    def append(self, other: Any) -> Self:
+        """Put another system beside this one; see `susp_ctrl.append`."""
+        return arithmetic.beside(self, self.of(other, "other"))
 
     # ------------------------------------------------------------------------------------------- conversions
 
@@ -61,9 +106,7 @@ class PythonControlMethods:
             A delay is at work: `pade` is the explicit approximation.
         """
         self._refuse_to_lose_delays()
-        system = self._system
-        bank = pade_bank((1,) * system.delays.size, system)
-        return close_bank(system, bank, [])
+        return close_bank(self, pade_bank((1,) * self.delays.size, self), [])
 
     def to_tf(self, *args: Any, **kwargs: Any) -> control.TransferFunction:
         """Return the system as a `control.TransferFunction` if no delay is at work in it.
@@ -76,7 +119,7 @@ class PythonControlMethods:
         return control.tf(self.to_ss(), *args, **kwargs)
 
     def _refuse_to_lose_delays(self) -> None:
-        delays = self._system.folded.delays
+        delays = self.folded.delays
         if delays.size:
             raise InputError(
                 f"the system has a delay of {delays.max():g} s, which no state space or transfer function can "
@@ -98,13 +141,11 @@ class PythonControlMethods:
         ndarray of complex
             Characteristic roots (rad/s) by descending real part; see `characteristic_roots`.
         """
-        from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
-
         if count is not None:
-            return characteristic_roots(self._system, count)
-        number = max(8, self._system.nstates)
+            return characteristic_roots(self, count)
+        number = max(8, self.nstates)
         while True:
-            found = characteristic_roots(self._system, number)
+            found = characteristic_roots(self, number)
             if found.size < number or found[-1].real < 0.0:
                 return found
             number *= 2
@@ -127,9 +168,7 @@ class PythonControlMethods:
         InputError
             Numbers of inputs and outputs differ.
         """
-        from susp_ctrl.delay_systems.frequency.zeros import transmission_zeros
-
-        return transmission_zeros(self._system, count)
+        return transmission_zeros(self, count)
 
     # ------------------------------------------------------------------------------------ frequency response
 
@@ -146,7 +185,7 @@ class PythonControlMethods:
             As in python-control.
         """
         points = self._frequencies(omega)
-        return LTI.frequency_response(self._system, points, squeeze=squeeze)
+        return super().frequency_response(points, squeeze=squeeze)
 
     def bode_plot(self, omega: ArrayLike | None = None, **kwargs: Any) -> Any:
         """Draw magnitude and phase; `ax` and other options as in `control.bode_plot`."""
@@ -155,10 +194,10 @@ class PythonControlMethods:
     def nyquist_plot(self, omega: ArrayLike | None = None, **kwargs: Any) -> Any:
         """Draw the Nyquist curve of a system with one input and output; options as in `control.nyquist_plot`."""
         points = self._frequencies(omega)
-        if omega is None and np.all(np.isfinite(self._system(0.0, squeeze=False))):
+        if omega is None and np.all(np.isfinite(self(0.0, squeeze=False))):
             points = np.union1d([0.0], points)
         # encirclements are not asked for: `margins` and `stability` answer what they stand for
-        response = control.nyquist_response(self._system, points, warn_encirclements=False)
+        response = control.nyquist_response(self, points, warn_encirclements=False)
         return response.plot(**_own_figure(kwargs))
 
     def nichols_plot(self, omega: ArrayLike | None = None, **kwargs: Any) -> Any:
@@ -167,14 +206,12 @@ class PythonControlMethods:
 
     def singular_values_plot(self, omega: ArrayLike | None = None, **kwargs: Any) -> Any:
         """Draw the singular values over frequency; options as in `control.singular_values_plot`."""
-        response = control.singular_values_response(self._system, self._frequencies(omega))
+        response = control.singular_values_response(self, self._frequencies(omega))
         return response.plot(**_own_figure(kwargs))
 
     def margins(self, omega_range: tuple[float, float] | None = None) -> StabilityMargins:
         """Return gain, phase and delay margins, least over all crossovers; see `stability_margins`."""
-        from susp_ctrl.delay_systems.frequency.margins import stability_margins
-
-        return stability_margins(self._system, omega_range)
+        return stability_margins(self, omega_range)
 
     # ----------------------------------------------------------------------------------------- time response
 
@@ -186,9 +223,7 @@ class PythonControlMethods:
         timepts : array_like, optional
             Times (s), increasing from zero or later.
         """
-        from susp_ctrl.delay_systems.simulation.standard_responses import step_response
-
-        return step_response(self._system, timepts)
+        return step_response(self, timepts)
 
     def impulse_response(self, timepts: ArrayLike | None = None) -> control.TimeResponseData:
         """Return the exact impulse response of every pair of signals, without impulses that pass directly.
@@ -198,38 +233,26 @@ class PythonControlMethods:
         timepts : array_like, optional
             Times (s), increasing from zero or later.
         """
-        from susp_ctrl.delay_systems.simulation.standard_responses import impulse_response
-
-        return impulse_response(self._system, timepts)
+        return impulse_response(self, timepts)
 
     def forced_response(
         self, timepts: ArrayLike, inputs: Any = None, **kwargs: Any
     ) -> control.TimeResponseData:
         """Return the exact response to given inputs; see `simulate`."""
-        from susp_ctrl.delay_systems.simulation.time_response import simulate
-
-        return simulate(self._system, timepts, inputs, **kwargs)
+        return simulate(self, timepts, inputs, **kwargs)
 
     def initial_response(self, timepts: ArrayLike, history: Any, **kwargs: Any) -> control.TimeResponseData:
         """Return the exact free response from a given past; `history` as in `simulate`."""
-        from susp_ctrl.delay_systems.simulation.time_response import simulate
-
-        return simulate(self._system, timepts, None, history=history, **kwargs)
-
-    @property
-    def _system(self) -> DelayLTI:
-        return cast("DelayLTI", self)
+        return simulate(self, timepts, None, history=history, **kwargs)
 
     def _frequencies(self, omega: ArrayLike | None) -> np.ndarray:
-        from susp_ctrl.delay_systems.frequency.frequency_range import default_frequencies
-
-        return default_frequencies(self._system) if omega is None else validation.vector("omega", omega)
+        return default_frequencies(self) if omega is None else validation.vector("omega", omega)
 
 
 def _own_figure(options: dict[str, Any]) -> dict[str, Any]:
     """python-control draws into the current figure: without `ax` or `fig` open one for this plot alone."""
     if options.get("ax") is None and options.get("fig") is None:
-        from susp_ctrl.plotting.interactive import fresh_figure
+        from susp_ctrl.plotting.interactive import fresh_figure  # loads matplotlib
 
         fresh_figure()
     return options

@@ -25,7 +25,7 @@ import numpy as np
 from susp_ctrl.delay_systems.crossings.frequency_sweep import sweep_delays
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.lft import ComplexArray
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import ContourError, abscissa_by_counts, count_right_of
 from susp_ctrl.delay_systems.roots.rightmost import (
     FIRST_ANGLE,
@@ -94,7 +94,7 @@ class StabilityVerdict:
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the rightmost roots in the complex plane and return the axes."""
-        from susp_ctrl.plotting import draw_roots
+        from susp_ctrl.plotting import draw_roots  # loads matplotlib
 
         return draw_roots({"rightmost roots": self.roots}, ax)
 
@@ -128,13 +128,13 @@ def stability(sys: Any) -> StabilityVerdict:
     A method that cannot tell (the sweep through a degenerate point, say) is recorded as None; two that answer
     and agree are the least for a verdict.
     """
-    verdict = _decide(as_delay_lti(sys, "sys"))
+    verdict = _decide(DelaySystem.of(sys, "sys"))
     if verdict.stable is None:
         warnings.warn(f"stability is undecided: {verdict.reason}", UndecidedStabilityWarning, stacklevel=2)
     return verdict
 
 
-def _decide(system: DelayLTI) -> StabilityVerdict:
+def _decide(system: DelaySystem) -> StabilityVerdict:
     K = CharacteristicMatrix.of(system.folded)
     agreement: dict[str, int | None] = {ROOTS: 0, ARGUMENT: 0}
     if K.n_states == 0:
@@ -250,7 +250,7 @@ def _count(K: CharacteristicMatrix, line: float) -> int | None:
         return None
 
 
-def _count_by_sweep(system: DelayLTI) -> int | None:
+def _count_by_sweep(system: DelaySystem) -> int | None:
     """Unstable roots without delay plus all that cross until the delays are full; None if not proven."""
     undelayed = np.zeros(system.delays.size)
     with warnings.catch_warnings():

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from susp_ctrl import validation
 from susp_ctrl.delay_systems import spectral_abscissa
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.errors import InputError
 from susp_ctrl.tuning.feasibility import SmallGain, StabilityTest
 from susp_ctrl.tuning.objectives import BoundObjective, Objective
@@ -252,7 +252,7 @@ class TuningProblem:
 
     def _case(self, plant: Any) -> Case:
         m = len(self.pairs)
-        base = as_delay_lti(plant, "plant")
+        base = DelayLTI.of(plant, "plant")
         # The corner of the box: it validates every signal and bandwidth, and refuses neutral loops.
         corner = np.concatenate([np.maximum(np.abs(self.lower[:m]), np.abs(self.upper[:m])), self.upper[m:]])
         channels = self.channels(corner)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import susp_ctrl as sc
-from susp_ctrl.delay_systems.model.system import as_delay_lti
+from susp_ctrl.delay_systems.delay_lti import DelayLTI
 
 
 def state_delay_response(A, delays, B, C, s):
@@ -92,11 +92,11 @@ def test_bad_delays_and_gains_are_refused_by_name(change, message) -> None:
 
 def test_what_is_no_continuous_linear_system_is_refused() -> None:
     with pytest.raises(sc.InputError, match=r"dt = 0\.1"):
-        as_delay_lti(ct.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], dt=0.1))
+        DelayLTI.of(ct.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], dt=0.1))
     with pytest.raises(sc.InputError, match="dt = True"):
-        as_delay_lti(ct.tf([1.0], [1.0, 2.0], dt=True))
+        DelayLTI.of(ct.tf([1.0], [1.0, 2.0], dt=True))
     with pytest.raises(sc.InputError, match="FrequencyResponseData"):
-        as_delay_lti(ct.frd([1.0, 2.0], [1.0, 2.0]))
+        DelayLTI.of(ct.frd([1.0, 2.0], [1.0, 2.0]))
 
 
 def test_matrices_of_delayed_systems_must_fit() -> None:

@@ -18,7 +18,7 @@ from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximation.pade import HIGHEST_ORDER, pade_approximation, pade_order
 from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
 from susp_ctrl.delay_systems.model.lft import sample_plant
-from susp_ctrl.delay_systems.model.system import DelayLTI
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.errors import InputError, PadeOrderWarning
 
 # A frequency matters to the order where the way around the loop has this share of its largest gain.
@@ -29,7 +29,7 @@ _MOST_POINTS = 400
 
 
 def approximation(
-    system: DelayLTI, method: str, order: Any, bandwidth: float | None
+    system: DelaySystem, method: str, order: Any, bandwidth: float | None
 ) -> tuple[control.StateSpace, int | tuple[int, ...]]:
     """Return the approximating system and its order.
 
@@ -74,7 +74,7 @@ def approximation(
     return spectral_approximation(system, chosen), chosen
 
 
-def relevant_frequency(system: DelayLTI, bandwidth: float | None) -> float:
+def relevant_frequency(system: DelaySystem, bandwidth: float | None) -> float:
     """Return the highest frequency (rad/s) at which the delays' phase decides the response.
 
     These are the natural frequencies of the plant, with its delayed paths open and closed without delay, and the
@@ -97,7 +97,7 @@ def relevant_frequency(system: DelayLTI, bandwidth: float | None) -> float:
     return float(np.max(candidates[gain >= _SHARE * largest]))
 
 
-def _pade_choice(system: DelayLTI, omega: float) -> int:
+def _pade_choice(system: DelaySystem, omega: float) -> int:
     try:
         return pade_order(system, omega)
     except InputError as above_highest:
@@ -109,6 +109,6 @@ def _pade_choice(system: DelayLTI, omega: float) -> int:
         return HIGHEST_ORDER
 
 
-def _points_needed(system: DelayLTI, omega: float) -> int:
+def _points_needed(system: DelaySystem, omega: float) -> int:
     longest = float(np.max(system.folded.delays, initial=0.0))
     return min(_MOST_POINTS, math.ceil(0.5 * omega * longest) + _SPARE_POINTS)

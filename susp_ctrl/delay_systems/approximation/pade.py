@@ -24,7 +24,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import control
 import numpy as np
@@ -34,11 +34,9 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.model.transfer_functions import state_space
 from susp_ctrl.errors import InputError, PadeOrderWarning
-
-if TYPE_CHECKING:
-    from susp_ctrl.delay_systems.model.system import DelayLTI
 
 HIGHEST_ORDER = 60
 
@@ -53,7 +51,7 @@ class DelayBank(NamedTuple):
 
 
 def pade_approximation(
-    sys: DelayLTI, order: int | Sequence[int], omega_max: float | None = None
+    sys: DelaySystem, order: int | Sequence[int], omega_max: float | None = None
 ) -> control.StateSpace:
     r"""Replace every delay by its diagonal Padé approximation.
 
@@ -97,7 +95,7 @@ def pade_approximation(
     return close_bank(sys, bank, names)
 
 
-def pade_order(sys: DelayLTI, omega_max: float, tolerance: float = 1e-2) -> int:
+def pade_order(sys: DelaySystem, omega_max: float, tolerance: float = 1e-2) -> int:
     """Return the lowest order whose all-pass phase error stays below a tolerance up to a frequency.
 
     Parameters
@@ -160,7 +158,7 @@ def pade_phase_error(order: int, angle: ArrayLike) -> FloatArray:
     return np.asarray(2.0 * x - turned)
 
 
-def close_bank(sys: DelayLTI, bank: DelayBank, names: Sequence[str]) -> control.StateSpace:
+def close_bank(sys: DelaySystem, bank: DelayBank, names: Sequence[str]) -> control.StateSpace:
     """Close the undelayed plant of `sys` with a finite-dimensional bank ``w = bank(z)`` for its delays.
 
     Parameters
@@ -268,7 +266,7 @@ def _real_pole(order: int) -> float:
     return -float(poles[np.argmin(np.abs(poles.imag))].real)
 
 
-def _orders(sys: DelayLTI, order: int | Sequence[int]) -> tuple[int, ...]:
+def _orders(sys: DelaySystem, order: int | Sequence[int]) -> tuple[int, ...]:
     if not isinstance(order, (Sequence, np.ndarray)):
         return (validation.integer("order", order, at_least=1, at_most=HIGHEST_ORDER),) * sys.delays.size
     given = validation.sequence("order", order)
@@ -279,19 +277,19 @@ def _orders(sys: DelayLTI, order: int | Sequence[int]) -> tuple[int, ...]:
     )
 
 
-def _at_work(sys: DelayLTI) -> np.ndarray:
+def _at_work(sys: DelaySystem) -> np.ndarray:
     """Delayed signals that have a delay and act on something."""
     r = sys.realization
     acts = np.any(np.vstack([r.B2, r.D12, r.D22]) * sys.channel_gains != 0.0, axis=0)
     return np.asarray(acts & (sys.channel_delays > 0.0))
 
 
-def _channel_orders(sys: DelayLTI, orders: tuple[int, ...]) -> np.ndarray:
+def _channel_orders(sys: DelaySystem, orders: tuple[int, ...]) -> np.ndarray:
     """Order of every delayed signal, zero where it needs no states."""
     return np.where(_at_work(sys), np.repeat(orders, sys.widths), 0).astype(int)
 
 
-def pade_bank(orders: tuple[int, ...], sys: DelayLTI) -> DelayBank:
+def pade_bank(orders: tuple[int, ...], sys: DelaySystem) -> DelayBank:
     """Return the Padé cascades of all delayed signals, gains included; delay-free ones pass directly."""
     parts = []
     for n, tau, gain in zip(_channel_orders(sys, orders), sys.channel_delays, sys.channel_gains, strict=True):
@@ -313,7 +311,7 @@ def _order_needed(angle: float, tolerance: float) -> int | None:
     return None
 
 
-def _warn_if_low(sys: DelayLTI, orders: tuple[int, ...], omega: float) -> None:
+def _warn_if_low(sys: DelaySystem, orders: tuple[int, ...], omega: float) -> None:
     for n, tau in zip(_channel_orders(sys, orders), sys.channel_delays, strict=True):
         if n and pade_phase_error(int(n), omega * tau) > 1e-2:
             needed = _order_needed(omega * tau, 1e-2) or f"more than {HIGHEST_ORDER}"

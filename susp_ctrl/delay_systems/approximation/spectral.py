@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import control
 import numpy as np
@@ -28,17 +27,15 @@ import scipy.linalg
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximation.pade import DelayBank, close_bank
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.errors import InputError
-
-if TYPE_CHECKING:
-    from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-    from susp_ctrl.delay_systems.model.system import DelayLTI
 
 HIGHEST_ORDER = 400
 
 
-def spectral_approximation(sys: DelayLTI, order: int | Sequence[int]) -> control.StateSpace:
+def spectral_approximation(sys: DelaySystem, order: int | Sequence[int]) -> control.StateSpace:
     """Replace every delay by a transport line with `order` Chebyshev points.
 
     Parameters

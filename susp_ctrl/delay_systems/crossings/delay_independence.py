@@ -38,7 +38,7 @@ from susp_ctrl.delay_systems.crossings.small_gain import frequency_bound, perron
 from susp_ctrl.delay_systems.crossings.torus import structured_gain
 from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization, sample_plant
 from susp_ctrl.delay_systems.model.rounding import eigenvalues_with_uncertainty
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import count_unstable_roots
 from susp_ctrl.errors import UndecidedStabilityWarning
 
@@ -131,7 +131,7 @@ def delay_independent_stability(sys: Any) -> DelayIndependence:
     Exact for one delay (on any number of signals) and for two scalar channels; sufficient for others, where a
     failed test is followed by a search for delays that destabilise the loop.
     """
-    system = as_delay_lti(sys, "sys")
+    system = DelaySystem.of(sys, "sys")
     n = system.delays.size
     loop, number = _free_loop(system)
     owner = np.unique(number, return_inverse=True)[1]
@@ -184,7 +184,7 @@ def small_gain_supremum(plant: Realization, gains: ArrayLike) -> tuple[float, fl
         The supremum, and where it is attained (rad/s).
     """
     g = np.abs(validation.vector("gains", gains, size=plant.n_channels))
-    sys = DelayLTI(plant, np.ones(g.size), g)
+    sys = DelaySystem(plant, np.ones(g.size), g)
     loop, _ = _free_loop(sys)
     return supremum(loop, lambda P: perron_bound(np.abs(P)))
 
@@ -308,7 +308,7 @@ def _spectral_radius(P: ComplexArray) -> FloatArray:
     return np.abs(np.linalg.eigvals(P)).max(axis=-1)
 
 
-def _free_loop(system: DelayLTI) -> tuple[LoopMatrices, np.ndarray]:
+def _free_loop(system: DelaySystem) -> tuple[LoopMatrices, np.ndarray]:
     """Return the channels in loops, all delays being free, and the number of the delay of each channel."""
     n = system.delays.size
     # A direction of its own for each delay keeps them apart, and marks the channels.
@@ -328,7 +328,7 @@ def _as_plant(loop: LoopMatrices) -> Realization:
     )  # fmt: skip
 
 
-def _destabilising_delays(system: DelayLTI, loop: LoopMatrices, owner: np.ndarray) -> FloatArray | None:
+def _destabilising_delays(system: DelaySystem, loop: LoopMatrices, owner: np.ndarray) -> FloatArray | None:
     """Search phases that give a spectral radius above one, and count roots at delays that realise them.
 
     The phases are turned until the largest eigenvalue is real: then some smaller common gain puts a root on the
@@ -376,7 +376,7 @@ def _destabilising_delays(system: DelayLTI, loop: LoopMatrices, owner: np.ndarra
     return None
 
 
-def _block_of_delay(system: DelayLTI) -> np.ndarray:
+def _block_of_delay(system: DelaySystem) -> np.ndarray:
     """Return, for each delay, the number of its block of channels in the loop; -1 for a delay in no loop."""
     n = system.delays.size
     used = np.unique(_free_loop(system)[1])

@@ -30,7 +30,7 @@ import scipy.linalg
 from susp_ctrl.delay_systems.model.folding import fold
 from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.rounding import distance_to_singular, eigenvalues_with_uncertainty
-from susp_ctrl.delay_systems.model.system import DelayLTI
+from susp_ctrl.delay_systems.model.system import DelaySystem
 
 _LARGEST_MULTIPLE = 12
 # Relative changes of the data that make the characteristic matrix singular: at s = 0, and at a pole on the axis,
@@ -191,7 +191,7 @@ class DelayLine:
         return np.clip((theta + 2.0 * np.pi * turns) / rate - offset, 0.0, self.up_to)
 
 
-def delay_line(sys: DelayLTI, direction: FloatArray, start: FloatArray, up_to: float) -> DelayLine:
+def delay_line(sys: DelaySystem, direction: FloatArray, start: FloatArray, up_to: float) -> DelayLine:
     """Fold the loop along a line: channels that never have a delay are closed, those outside the loop dropped."""
     per_channel = np.repeat(start, sys.widths), np.repeat(direction, sys.widths)
     delayed = (per_channel[0] != 0.0) | (per_channel[1] != 0.0)

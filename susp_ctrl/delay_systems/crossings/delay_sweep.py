@@ -92,7 +92,7 @@ class DelaySweep:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw `figure_data` with the unit line and the crossings; return the axes."""
-        from susp_ctrl.plotting import draw_unit_modulus
+        from susp_ctrl.plotting import draw_unit_modulus  # loads matplotlib
 
         data = self.figure_data
         curves = {name: data[name].to_numpy() for name in data.columns if name != "omega"}

@@ -52,7 +52,7 @@ from susp_ctrl.delay_systems.crossings.sweep_books import (
     nothing_found,
 )
 from susp_ctrl.delay_systems.model.lft import FloatArray
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import count_roots_right_of
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
@@ -100,7 +100,7 @@ def sweep_delays(
     >>> round(sc.sweep_delays(integrator, up_to=9.0).delay_margin, 9)
     1.570796327
     """
-    system = as_delay_lti(sys, "sys")
+    system = DelaySystem.of(sys, "sys")
     n = system.delays.size
     d = _per_delay("direction", 1.0 if direction is None else direction, n)
     s = validation.vector("start", _per_delay("start", 0.0 if start is None else start, n), at_least=0.0)
@@ -124,7 +124,7 @@ def _per_delay(name: str, value: ArrayLike, n: int) -> FloatArray:
 class _Sweep:
     """One sweep: find, close the books, repair where they do not close."""
 
-    def __init__(self, system: DelayLTI, direction: FloatArray, start: FloatArray, up_to: float) -> None:
+    def __init__(self, system: DelaySystem, direction: FloatArray, start: FloatArray, up_to: float) -> None:
         self.system, self.direction, self.start, self.up_to = system, direction, start, up_to
         self.line = delay_line(system, direction, start, up_to)
         self.axis_roots = roots_always_on_axis(self.line)

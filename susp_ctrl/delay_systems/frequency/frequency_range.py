@@ -2,22 +2,17 @@ r"""Frequencies at which a response should be sampled: where its features lie, d
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from susp_ctrl.delay_systems.model.lft import FloatArray
-
-if TYPE_CHECKING:
-    from susp_ctrl.delay_systems.model.system import DelayLTI
+from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
 
 _MOST_POINTS = 20_000
 
 
-def default_band(sys: DelayLTI) -> tuple[float, float]:
+def default_band(sys: DelaySystem) -> tuple[float, float]:
     """Return full decades (rad/s) around the rightmost roots, the plant's poles and the inverse delays."""
-    from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
-
     loop = sys.folded
     sizes = np.abs(np.concatenate([loop.plant.eigenvalues, characteristic_roots(sys, 8), 1.0 / loop.delays]))
     sizes = sizes[sizes > 1e-8 * np.max(sizes, initial=0.0)]
@@ -26,13 +21,13 @@ def default_band(sys: DelayLTI) -> tuple[float, float]:
     return 10.0 ** (np.floor(np.log10(sizes.min())) - 1.0), 10.0 ** (np.ceil(np.log10(sizes.max())) + 1.0)
 
 
-def default_frequencies(sys: DelayLTI) -> FloatArray:
+def default_frequencies(sys: DelaySystem) -> FloatArray:
     """Return frequencies for a plot of the whole response: the default band, adaptively sampled."""
     return sampled_band(sys, *default_band(sys), step=0.1)
 
 
 def sampled_band(
-    sys: DelayLTI, lowest: float, highest: float, step: float = 0.2, most: int = _MOST_POINTS
+    sys: DelaySystem, lowest: float, highest: float, step: float = 0.2, most: int = _MOST_POINTS
 ) -> FloatArray:
     """Return frequencies between which no entry of the response moves by more than a fraction of its size.
 
@@ -75,5 +70,5 @@ def sampled_band(
     return omega
 
 
-def _flat_response(sys: DelayLTI, omega: FloatArray) -> np.ndarray:
+def _flat_response(sys: DelaySystem, omega: FloatArray) -> np.ndarray:
     return np.asarray(sys(1j * omega, squeeze=False)).reshape(-1, omega.size)

@@ -18,7 +18,7 @@ from susp_ctrl import validation
 from susp_ctrl.delay_systems.frequency.frequency_range import default_band, sampled_band
 from susp_ctrl.delay_systems.frequency.response_bounds import tail_bound
 from susp_ctrl.delay_systems.model.lft import FloatArray
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.errors import InputError
 
 _MOST_POINTS = 100_000
@@ -90,7 +90,7 @@ def stability_margins(sys: Any, omega_range: tuple[float, float] | None = None) 
     Between neighbouring samples L moves by less than a tenth of its size. Touches of the unit circle between
     two samples are looked for at every local extremum of the gain.
     """
-    loop = as_delay_lti(sys, "sys")
+    loop = DelaySystem.of(sys, "sys")
     if not loop.issiso():
         raise InputError(
             f"sys has {loop.ninputs} inputs and {loop.noutputs} outputs: margins need one of each; "
@@ -124,7 +124,7 @@ def stability_margins(sys: Any, omega_range: tuple[float, float] | None = None) 
     )
 
 
-def _extended(loop: DelayLTI, samples: FloatArray) -> FloatArray:
+def _extended(loop: DelaySystem, samples: FloatArray) -> FloatArray:
     """Go on until the rest can neither cross unit gain nor lower the gain margin."""
     for _ in range(8):
         if _nothing_beyond(loop, samples, _phase_crossovers(loop, samples)):
@@ -136,13 +136,13 @@ def _extended(loop: DelayLTI, samples: FloatArray) -> FloatArray:
     return samples
 
 
-def _nothing_beyond(loop: DelayLTI, samples: FloatArray, crossings: FloatArray) -> bool:
+def _nothing_beyond(loop: DelaySystem, samples: FloatArray, crossings: FloatArray) -> bool:
     """Whether the gain stays, beyond the samples, below one and below that of a crossing already found."""
     level = float(np.max(np.abs(_values(loop, crossings)), initial=1e-3))
     return tail_bound(loop.folded).at(float(samples[-1])) <= min(1.0, level) * (1.0 + 1e-12)
 
 
-def _gain_crossovers(loop: DelayLTI, samples: FloatArray) -> FloatArray:
+def _gain_crossovers(loop: DelaySystem, samples: FloatArray) -> FloatArray:
     def height(omega: float) -> float:
         return float(np.log(np.abs(_values(loop, np.array([omega]))[0])))
 
@@ -169,7 +169,7 @@ def _gain_crossovers(loop: DelayLTI, samples: FloatArray) -> FloatArray:
     return _roots_between(height, grid, heights)
 
 
-def _phase_crossovers(loop: DelayLTI, samples: FloatArray) -> FloatArray:
+def _phase_crossovers(loop: DelaySystem, samples: FloatArray) -> FloatArray:
     def imaginary(omega: float) -> float:
         value = _values(loop, np.array([omega]))[0]
         return float(value.imag / abs(value))
@@ -187,5 +187,5 @@ def _roots_between(function: Any, grid: FloatArray, values: FloatArray) -> Float
     return np.unique(np.concatenate([roots, grid[values == 0.0]]))
 
 
-def _values(loop: DelayLTI, omega: FloatArray) -> np.ndarray:
+def _values(loop: DelaySystem, omega: FloatArray) -> np.ndarray:
     return np.asarray(loop(1j * omega, squeeze=False))[0, 0]

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.frequency.adaptive_quadrature import integrate
@@ -18,7 +19,8 @@ from susp_ctrl.delay_systems.frequency.high_frequency import leading_terms, squa
 from susp_ctrl.delay_systems.frequency.response_bounds import local_response, tail_bound
 from susp_ctrl.delay_systems.model.folding import FoldedLoop
 from susp_ctrl.delay_systems.model.lft import FloatArray
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
 from susp_ctrl.delay_systems.verdict import stability
 from susp_ctrl.errors import InputError, UnstableSystemError
 
@@ -84,7 +86,7 @@ def hinf_norm(sys: Any, tolerance: float = 1e-8) -> tuple[float, float]:
 
 
 def _search(
-    system: DelayLTI, loop: FoldedLoop, low: float, high: float, best: float, peak: float, relative: float
+    system: DelaySystem, loop: FoldedLoop, low: float, high: float, best: float, peak: float, relative: float
 ) -> tuple[float, float]:
     """Raise `best` to the maximum on [low, high] by branch and bound."""
     edges = np.linspace(low, high, 65)
@@ -109,10 +111,8 @@ def _search(
     return best, peak
 
 
-def _climb(system: DelayLTI, centre: float, half: float, value: float) -> tuple[float, float]:
+def _climb(system: DelaySystem, centre: float, half: float, value: float) -> tuple[float, float]:
     """Go up from a sample: a better lower bound drops more intervals."""
-    from scipy.optimize import minimize_scalar
-
     found = minimize_scalar(
         lambda w: -_gain(system, abs(w)),
         bounds=(max(centre - half, 0.0), centre + half),
@@ -248,8 +248,8 @@ def output_rms(
     return np.sqrt(np.asarray(integrate(power, low, high, relative, knots)))
 
 
-def _proven_stable(sys: Any, what: str) -> DelayLTI:
-    system = as_delay_lti(sys, "sys")
+def _proven_stable(sys: Any, what: str) -> DelaySystem:
+    system = DelaySystem.of(sys, "sys")
     verdict = stability(system)
     if verdict.stable is not True:
         known = "is unstable" if verdict.stable is False else "is not proven stable"
@@ -259,10 +259,8 @@ def _proven_stable(sys: Any, what: str) -> DelayLTI:
     return system
 
 
-def _knots(system: DelayLTI, highest: float) -> FloatArray:
+def _knots(system: DelaySystem, highest: float) -> FloatArray:
     """Where the integrand has its peaks: quadrature must not step over them."""
-    from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
-
     roots = characteristic_roots(system, 12)
     upper = roots[roots.imag >= 0.0]
     offsets = np.array([-30.0, -10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0, 30.0])
@@ -277,5 +275,5 @@ def _frequency_scale(loop: FoldedLoop) -> float:
     return float(max(np.max(sizes, initial=0.0), slowest_turn)) or 1.0
 
 
-def _gain(system: DelayLTI, omega: float) -> float:
+def _gain(system: DelaySystem, omega: float) -> float:
     return float(np.linalg.norm(system(np.array([1j * omega]), squeeze=False)[:, :, 0], 2))

@@ -15,7 +15,7 @@ import scipy.linalg
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
 from susp_ctrl.delay_systems.frequency.frequency_range import default_band
-from susp_ctrl.delay_systems.model.system import DelayLTI
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.errors import InputError
 
 _STEPS = 30
@@ -25,7 +25,7 @@ class NotSquareError(InputError, NotImplementedError):
     """Zeros asked of a system with different numbers of inputs and outputs (python-control catches the latter)."""
 
 
-def transmission_zeros(sys: DelayLTI, count: int = 8) -> np.ndarray:
+def transmission_zeros(sys: DelaySystem, count: int = 8) -> np.ndarray:
     """Return the rightmost zeros of ``det H(s)`` by descending real part.
 
     Parameters
@@ -84,7 +84,7 @@ def _invariant_zeros(system: object) -> np.ndarray:
     return values[np.isfinite(values) & (np.abs(values) < 1e8 * (1.0 + np.linalg.norm(A)))]
 
 
-def _newton(sys: DelayLTI, s: np.ndarray) -> np.ndarray:
+def _newton(sys: DelaySystem, s: np.ndarray) -> np.ndarray:
     """Newton on det H for all starts at once; keep those that converge to a zero of small imaginary rounding."""
     scale = 1.0 + np.abs(s)
     step = np.full(s.shape, np.inf, dtype=complex)
@@ -105,7 +105,7 @@ def _newton(sys: DelayLTI, s: np.ndarray) -> np.ndarray:
     return np.where(np.abs(s.imag) < 1e-9 * (1.0 + np.abs(s)), s.real + 0j, s)
 
 
-def _logarithmic_derivative(sys: DelayLTI, s: np.ndarray, h: np.ndarray) -> np.ndarray:
+def _logarithmic_derivative(sys: DelaySystem, s: np.ndarray, h: np.ndarray) -> np.ndarray:
     """Derivative of log det H by central differences along both axes (error of order h^4)."""
     offsets = h * np.array([[1.0], [1j], [-1.0], [-1j]])
     points = np.concatenate([s, (s + offsets).ravel()])

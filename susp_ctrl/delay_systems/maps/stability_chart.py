@@ -148,7 +148,7 @@ class StabilityMap:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the regions with their numbers of unstable roots, the curves and the design; return the axes."""
-        from susp_ctrl.plotting import draw_stability_map
+        from susp_ctrl.plotting import draw_stability_map  # loads matplotlib
 
         x = np.linspace(*self.x_range, 400)
         y = np.linspace(*self.y_range, 400)

@@ -27,6 +27,7 @@ import numpy as np
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.crossings.delay_line import LoopMatrices, delay_line, roots_always_on_axis
+from susp_ctrl.delay_systems.crossings.frequency_sweep import sweep_delays
 from susp_ctrl.delay_systems.maps.crossing_plane import Axis, CrossingPlane
 from susp_ctrl.delay_systems.maps.curves import trace_curves
 from susp_ctrl.delay_systems.maps.regions import Raster, map_regions
@@ -34,7 +35,7 @@ from susp_ctrl.delay_systems.maps.segments import Segments
 from susp_ctrl.delay_systems.maps.shared_delays import trace_blocks
 from susp_ctrl.delay_systems.maps.stability_chart import StabilityMap
 from susp_ctrl.delay_systems.model.lft import FloatArray
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import count_unstable_roots
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
@@ -88,7 +89,7 @@ def stability_map(
     Channels of one signal each: closed form. Delays shared by several signals: the curves are traced numerically
     on a grid of frequency and angle and polished.
     """
-    system = as_delay_lti(sys, "sys")
+    system = DelaySystem.of(sys, "sys")
     x, y = _axes(system, tau1, gain1, tau2, gain2, channels)
     numbers = [
         validation.integer("channels", c, at_least=0, at_most=system.delays.size - 1) for c in channels
@@ -135,7 +136,7 @@ def _changes(
 
 
 def _axes(
-    system: DelayLTI, tau1: Any, gain1: Any, tau2: Any, gain2: Any, channels: tuple[int, int]
+    system: DelaySystem, tau1: Any, gain1: Any, tau2: Any, gain2: Any, channels: tuple[int, int]
 ) -> tuple[Axis, Axis]:
     given = {"tau1": tau1, "gain1": gain1, "tau2": tau2, "gain2": gain2}
     if gain1 is None and gain2 is None:
@@ -169,12 +170,12 @@ def _axes(
 class _Problem:
     """The loop with two parameters free: systems at any values, and the crossing curves."""
 
-    def __init__(self, system: DelayLTI, numbers: list[int], x: Axis, y: Axis) -> None:
+    def __init__(self, system: DelaySystem, numbers: list[int], x: Axis, y: Axis) -> None:
         self.system, self.numbers, self.x, self.y = system, numbers, x, y
         self.on_a_grid = False
         self._free_gains = [axis for axis in (x, y) if not axis.is_delay]
 
-    def at(self, x: float, y: float) -> DelayLTI:
+    def at(self, x: float, y: float) -> DelaySystem:
         """Return the system at one point of the plane."""
         gains, delays = self.system.gains.copy(), self.system.delays.copy()
         for axis, value in ((self.x, x), (self.y, y)):
@@ -254,8 +255,6 @@ class _Problem:
 
     def _lines(self, axis: Axis) -> Segments:
         """Straight lines across the plane where only one of the two delays is in a loop."""
-        from susp_ctrl.delay_systems.crossings.frequency_sweep import sweep_delays
-
         number = self.numbers[axis.channel]
         start, direction = self.system.delays.copy(), np.zeros(self.system.delays.size)
         start[number], direction[number] = axis.low, 1.0

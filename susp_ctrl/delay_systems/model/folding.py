@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization
+from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization, closed
 from susp_ctrl.errors import InputError, NeutralLoopError
 
 
@@ -35,38 +35,26 @@ def fold(plant: Realization, gains: FloatArray, delays: FloatArray) -> FoldedLoo
     InputError
         The delay-free channels form an algebraic loop without a solution.
     """
-    column = np.vstack([plant.B2, plant.D12, plant.D22]) * gains
-    at_work = np.any(column != 0.0, axis=0)
+    n_rows, n_columns = plant.n_states + plant.n_outputs, plant.n_states + plant.n_inputs
+    whole = plant.matrix
+    whole[:, n_columns:] *= gains
+    at_work = np.any(whole[:, n_columns:] != 0.0, axis=0)
     instant = at_work & (delays == 0.0)
-    kept = at_work & ~instant
-    B2, D12, D22 = plant.B2 * gains, plant.D12 * gains, plant.D22 * gains
-    if not np.any(instant):
-        closed = (plant.A, plant.B1, B2[:, kept], plant.C1, plant.C2[kept])
-        direct = (plant.D11, D12[:, kept], plant.D21[kept], D22[np.ix_(kept, kept)])
-        return FoldedLoop(Realization(*closed, *direct), delays[kept])
-    around = np.eye(int(instant.sum())) - D22[np.ix_(instant, instant)]
-    if np.linalg.cond(around) > 1e14:
-        raise InputError(
-            "the channels without delay form an algebraic loop with unit gain: no solution exists"
-        )
-    from_state = np.linalg.solve(around, plant.C2[instant])
-    from_input = np.linalg.solve(around, plant.D21[instant])
-    from_delayed = np.linalg.solve(around, D22[np.ix_(instant, kept)])
-    to_state, to_output, to_delayed = B2[:, instant], D12[:, instant], D22[np.ix_(kept, instant)]
-    return FoldedLoop(
-        Realization(
-            plant.A + to_state @ from_state,
-            plant.B1 + to_state @ from_input,
-            B2[:, kept] + to_state @ from_delayed,
-            plant.C1 + to_output @ from_state,
-            plant.C2[kept] + to_delayed @ from_state,
-            plant.D11 + to_output @ from_input,
-            D12[:, kept] + to_output @ from_delayed,
-            plant.D21[kept] + to_delayed @ from_input,
-            D22[np.ix_(kept, kept)] + to_delayed @ from_delayed,
-        ),
-        delays[kept],
+    kept = np.flatnonzero(at_work & ~instant)
+    rows, columns = (
+        np.append(np.arange(n_rows), n_rows + kept),
+        np.append(np.arange(n_columns), n_columns + kept),
     )
+    folded = whole[np.ix_(rows, columns)]
+    if np.any(instant):
+        ends, starts = n_columns + np.flatnonzero(instant), n_rows + np.flatnonzero(instant)
+        around = whole[np.ix_(starts, ends)]
+        if np.linalg.cond(np.eye(starts.size) - around) > 1e14:
+            raise InputError(
+                "the channels without delay form an algebraic loop with unit gain: no solution exists"
+            )
+        folded = closed(folded, whole[np.ix_(rows, ends)], whole[np.ix_(starts, columns)], around)
+    return FoldedLoop(plant.rebuilt(folded), delays[kept])
 
 
 def refuse_neutral(loop: FoldedLoop) -> None:

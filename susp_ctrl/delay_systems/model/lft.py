@@ -26,6 +26,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -36,6 +37,32 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+
+def closed(m11: NDArray[Any], m12: NDArray[Any], m21: NDArray[Any], m22: NDArray[Any]) -> NDArray[Any]:
+    """Return ``M11 + M12 (I - M22)^-1 M21``: the second outputs of M fed back to its second inputs.
+
+    Every closed loop here is this one formula: what stands between the signals (a gain, ``e^{-s tau}``, an
+    interconnection) is multiplied into the columns `m12` and `m22` beforehand. Leading axes broadcast.
+    """
+    return m11 + m12 @ return_solve(m22, m21)
+
+
+def return_solve(m22: NDArray[Any], right_side: NDArray[Any]) -> NDArray[Any]:
+    """Solve ``(I - M22) X = right_side``; one and two signals in closed form, not finite where singular."""
+    signals = m22.shape[-1]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        if signals == 1:
+            return right_side / (1.0 - m22)
+        if signals == 2:
+            m11, m12, m21 = 1.0 - m22[..., 0, 0], m22[..., 0, 1], m22[..., 1, 0]
+            last = 1.0 - m22[..., 1, 1]
+            inverse_det = (1.0 / (m11 * last - m12 * m21))[..., None]
+            r1, r2 = right_side[..., 0, :], right_side[..., 1, :]
+            first = (last[..., None] * r1 + m12[..., None] * r2) * inverse_det
+            second = (m21[..., None] * r1 + m11[..., None] * r2) * inverse_det
+            return np.stack([first, second], axis=-2)
+        return np.linalg.solve(np.eye(signals) - m22, right_side)
 
 
 class SchurBasis(NamedTuple):
@@ -65,6 +92,40 @@ class Realization:
             array = np.array(getattr(self, field.name), dtype=float)
             array.setflags(write=False)
             object.__setattr__(self, field.name, array)
+
+    @classmethod
+    def between_channels(cls, A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray) -> Realization:
+        """Return a plant that has delayed signals only: ``x' = A x + B w, z = C x + D w``."""
+        return cls.from_matrix(np.block([[A, B], [C, D]]), A.shape[0], 0, 0)
+
+    @classmethod
+    def from_matrix(cls, matrix: FloatArray, states: int, outputs: int, inputs: int) -> Realization:
+        """Take apart ``[[A, B1, B2], [C1, D11, D12], [C2, D21, D22]]``."""
+        rows, columns = (states, states + outputs), (states, states + inputs)
+        parts = [np.split(band, columns, axis=1) for band in np.split(matrix, rows)]
+        (A, B1, B2), (C1, D11, D12), (C2, D21, D22) = parts
+        return cls(A, B1, B2, C1, C2, D11, D12, D21, D22)
+
+    @property
+    def matrix(self) -> FloatArray:
+        """All blocks as one matrix, see `from_matrix`."""
+        return np.block(
+            [[self.A, self.B1, self.B2], [self.C1, self.D11, self.D12], [self.C2, self.D21, self.D22]]
+        )
+
+    def rebuilt(
+        self, matrix: FloatArray, outputs: int | None = None, inputs: int | None = None
+    ) -> Realization:
+        """Return a plant with the same states and, if not told otherwise, signals from its one matrix."""
+        p, q = self.n_outputs if outputs is None else outputs, self.n_inputs if inputs is None else inputs
+        return Realization.from_matrix(matrix, self.n_states, p, q)
+
+    def between(self, outputs: Sequence[int], inputs: Sequence[int]) -> Realization:
+        """Return the plant from some external inputs to some external outputs."""
+        n, p, q = self.n_states, self.n_outputs, self.n_inputs
+        rows = [*range(n), *(n + k for k in outputs), *range(n + p, n + p + self.n_channels)]
+        columns = [*range(n), *(n + k for k in inputs), *range(n + q, n + q + self.n_channels)]
+        return self.rebuilt(self.matrix[np.ix_(rows, columns)], len(outputs), len(inputs))
 
     @property
     def n_states(self) -> int:
@@ -100,11 +161,17 @@ class Realization:
         """Eigenvalues of A."""
         return np.diag(self.schur.triangular)
 
-    def closed_matrix(self, E: ComplexArray) -> ComplexArray:
+    def closed_matrix(self, E: NDArray[Any]) -> NDArray[Any]:
         """Return ``A + B2 E (I - D22 E)^-1 C2`` for `E` of shape (..., channels): shape (..., states, states)."""
-        around = np.eye(self.n_channels) - self.D22 * E[..., None, :]
-        delayed = np.linalg.solve(around, np.broadcast_to(self.C2, (*E.shape[:-1], *self.C2.shape)))
-        return self.A + ((self.B2 * E[..., None, :]) @ delayed).astype(complex, copy=False)
+        return closed(self.A, self.B2 * E[..., None, :], self.C2, self.D22 * E[..., None, :])
+
+    def closed_plant(self, E: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+        """Return A, B, C, D with the delayed signals closed by `E`, each of shape (..., rows, columns)."""
+        n, e = self.n_states, E[..., None, :]
+        whole = self.matrix
+        rest, k = whole.shape[0] - self.n_channels, whole.shape[1] - self.n_channels
+        M = closed(whole[:rest, :k], whole[:rest, k:] * e, whole[rest:, :k], whole[rest:, k:] * e)
+        return M[..., :n, :n], M[..., :n, n:], M[..., n:, :n], M[..., n:, n:]
 
 
 class SampledPlant(NamedTuple):
@@ -181,29 +248,8 @@ def lft_response(P: SampledPlant, E: ComplexArray) -> ComplexArray:
     ndarray of complex, shape (..., frequencies, outputs, inputs)
         The closed response; not finite where ``I - P22 E`` is singular.
     """
-    return P.p11 + (P.p12 * E[..., None, :]) @ return_solve(P.p22, E, P.p21)
-
-
-def return_solve(p22: ComplexArray, E: ComplexArray, right_side: ComplexArray) -> ComplexArray:
-    """Solve ``(I - P22 E) X = right_side``; one and two channels in closed form."""
-    channels = E.shape[-1]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        if channels == 0:
-            return np.broadcast_to(right_side, (*E.shape[:-1], 0, right_side.shape[-1]))
-        if channels == 1:
-            return right_side / (1.0 - p22 * E[..., None, :])
-        if channels == 2:
-            e1, e2 = E[..., 0], E[..., 1]
-            m11, m22 = 1.0 - p22[..., 0, 0] * e1, 1.0 - p22[..., 1, 1] * e2
-            m12, m21 = p22[..., 0, 1] * e2, p22[..., 1, 0] * e1
-            inverse_det = (1.0 / (m11 * m22 - m12 * m21))[..., None]
-            r1, r2 = right_side[..., 0, :], right_side[..., 1, :]
-            first = (m22[..., None] * r1 + m12[..., None] * r2) * inverse_det
-            second = (m21[..., None] * r1 + m11[..., None] * r2) * inverse_det
-            return np.stack([first, second], axis=-2)
-        return np.linalg.solve(np.eye(channels) - p22 * E[..., None, :], right_side).astype(
-            complex, copy=False
-        )
+    e = E[..., None, :]
+    return np.asarray(closed(P.p11, P.p12 * e, P.p21, P.p22 * e))
 
 
 def return_determinant(p22: ComplexArray, E: ComplexArray) -> ComplexArray:

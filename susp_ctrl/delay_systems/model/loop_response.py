@@ -39,22 +39,16 @@ def loop_response(plant: Realization, s: ComplexArray, E: ComplexArray) -> Compl
 
 def _evaluate_directly(plant: Realization, s: ComplexArray, E: ComplexArray) -> ComplexArray:
     """Solve the closed loop's matrix itself: valid at poles of the open plant, slower."""
-    Ez = E[:, None, :]
-    around = np.eye(plant.n_channels) - plant.D22 * Ez
-    delayed_from_state = np.linalg.solve(around, np.broadcast_to(plant.C2, (s.size, *plant.C2.shape)))
-    delayed_from_input = np.linalg.solve(around, np.broadcast_to(plant.D21, (s.size, *plant.D21.shape)))
-    closed = s[:, None, None] * np.eye(plant.n_states) - plant.A - (plant.B2 * Ez) @ delayed_from_state
-    right_side = plant.B1 + (plant.B2 * Ez) @ delayed_from_input
+    A, B, C, D = plant.closed_plant(E)
+    away = s[:, None, None] * np.eye(plant.n_states) - A
     regular = np.ones(s.size, dtype=bool)
     try:
-        state = np.linalg.solve(closed, right_side)
+        state = np.linalg.solve(away, B)
     except np.linalg.LinAlgError:
-        regular = np.linalg.cond(closed) < 1e15
-        state = np.zeros(right_side.shape, dtype=complex)
-        state[regular] = np.linalg.solve(closed[regular], right_side[regular])
-    to_output = plant.D12 * Ez
-    values: ComplexArray = (plant.C1 + to_output @ delayed_from_state) @ state
-    values = values + plant.D11 + to_output @ delayed_from_input
+        regular = np.linalg.cond(away) < 1e15
+        state = np.zeros(B.shape, dtype=complex)
+        state[regular] = np.linalg.solve(away[regular], B[regular])
+    values: ComplexArray = C @ state + D
     # at a pole of the loop, as python-control has it
     values[~regular] = complex(np.inf, np.nan)
     return values

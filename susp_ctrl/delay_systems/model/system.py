@@ -1,12 +1,15 @@
-r"""`DelayLTI`: a linear system with any number of exact delays.
+r"""`DelaySystem`: the data of a linear system with any number of exact delays, its value at any point, arithmetic.
+
+Every algorithm takes it; `susp_ctrl.DelayLTI`, the class that users hold, adds the dialect of python-control on top
+of them.
 
 The system is kept in the linear fractional form of `susp_ctrl.delay_systems.model.lft`. The delays are kept as the
-user gave them: their number and order, zero and equal ones too. Algorithms work on `DelayLTI.folded`, in which
+user gave them: their number and order, zero and equal ones too. Algorithms work on `DelaySystem.folded`, in which
 gains are absorbed, delay-free channels closed and idle ones dropped.
 
 A *retarded* system has no direct path from a delayed signal around the loop to itself. With such a path it is
 *neutral*: an infinitely small delay can create infinitely many unstable roots [1]_. A neutral loop is refused
-when it is built, so every `DelayLTI` is retarded and well posed.
+when it is built, so every system here is retarded and well posed.
 
 References
 ----------
@@ -16,57 +19,31 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from numbers import Real
+from typing import Any, Self
 
 import control
 import numpy as np
 from control.lti import LTI
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.delay_lti import PythonControlMethods
+from susp_ctrl.delay_systems.model import arithmetic
 from susp_ctrl.delay_systems.model.folding import FoldedLoop, fold, refuse_neutral
 from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization
 from susp_ctrl.delay_systems.model.loop_response import loop_response
-from susp_ctrl.delay_systems.model.operators import DelayOperators
 from susp_ctrl.delay_systems.model.signal_names import checked_names, signal_labels, system_name
 from susp_ctrl.delay_systems.model.state_delays import state_delay_realization
-from susp_ctrl.delay_systems.model.transfer_functions import state_space, state_space_of
+from susp_ctrl.delay_systems.model.transfer_functions import split_off_channels, state_space, state_space_of
 from susp_ctrl.errors import InputError
 
 
-class DelayLTI(DelayOperators, PythonControlMethods, LTI):
-    r"""Linear time-invariant system with exact delays, closed around an ordinary plant.
+class DelaySystem(LTI):
+    """A plant P closed through delayed signals, with names; `DelayLTI` documents its arguments.
 
-    .. math:: H(s) = P_{11} + P_{12} E (I - P_{22} E)^{-1} P_{21},\quad E = \mathrm{diag}(g_k e^{-s\tau_k} I)
-
-    Parameters
-    ----------
-    plant : control.StateSpace or Realization
-        ``P`` with inputs ``[u; w]`` and outputs ``[y; z]``: the delayed signals come last in both.
-    delays : array_like, shape (n_delays,)
-        Delays in seconds, not negative.
-    gains : array_like, shape (n_delays,), optional
-        Gain of each delayed block; one by default.
-    widths : sequence of int, optional
-        Number of signals that share each delay; one each by default.
-    inputs, outputs, states : sequence of str, optional
-        Signal names; taken from `plant` where it has them.
-    name : str, optional
-        System name.
-
-    Raises
-    ------
-    InputError
-        Wrong shapes, a negative or infinite delay, discrete time, an algebraic loop that has no solution.
-    NeutralLoopError
-        A delayed signal feeds through directly around the loop.
-
-    Notes
-    -----
-    Immutable; `with_delays` and `with_gains` give changed copies.
+    Algorithms take it, and whatever they derive from it is of the class they were given.
     """
 
     def __init__(
@@ -94,7 +71,7 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         if isinstance(plant, Realization):
             realization = plant
         else:
-            realization = _split(plant, channels)
+            realization = split_off_channels(plant, channels)
             inputs = plant.input_labels[: realization.n_inputs] if inputs is None else inputs
             outputs = plant.output_labels[: realization.n_outputs] if outputs is None else outputs
             states = plant.state_labels if states is None else states
@@ -123,7 +100,7 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         D: ArrayLike | None = None,
         input_terms: Sequence[tuple[ArrayLike, float]] = (),
         **names: Any,
-    ) -> DelayLTI:
+    ) -> Self:
         r"""Return the system ``x' = A0 x + sum A_k x(t-tau_k) + B u + sum B_j u(t-d_j)``, ``y = C x + D u``.
 
         Parameters
@@ -188,8 +165,41 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
             states=self.state_labels,
         )
 
-    def _with(self, **changes: Any) -> DelayLTI:
-        settings = {
+    @classmethod
+    def of(cls, system: Any, name: str = "system") -> Self:
+        """Return a system of this class equal to a control system, a number or a matrix.
+
+        Parameters
+        ----------
+        system : DelaySystem, control.StateSpace, control.TransferFunction, number or matrix
+            What is to be taken for a system with delays; one of this class is returned as it is.
+        name : str, optional
+            Name of the argument in error messages.
+
+        Raises
+        ------
+        InputError
+            A discrete-time system, frequency data, or something that is no linear system.
+        """
+        if isinstance(system, cls):
+            return system
+        if isinstance(system, DelaySystem):
+            return cls(**system._settings)
+        if isinstance(system, control.TransferFunction):
+            return cls(state_space_of(system, name), name=system.name)
+        if isinstance(system, control.StateSpace):
+            return cls(system, name=system.name)
+        if _is_number_like(system):
+            D = validation.matrix(name, system)
+            p, q = D.shape
+            return cls(Realization.from_matrix(D, 0, p, q))
+        raise InputError(
+            f"{name} is a {type(system).__name__}: a linear continuous-time system or a number is needed"
+        )
+
+    @property
+    def _settings(self) -> dict[str, Any]:
+        return {
             "plant": self._realization,
             "delays": self._delays,
             "gains": self._gains,
@@ -199,9 +209,15 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
             "states": self.state_labels,
             "name": self.name,
         }
-        return DelayLTI(**(settings | changes))
 
-    def with_delays(self, delays: ArrayLike) -> DelayLTI:
+    def _with(self, **changes: Any) -> Self:
+        return type(self)(**(self._settings | changes))
+
+    def with_parts(self, plant: Realization, **names: Any) -> Self:
+        """Return a system with the same states and delays around another plant, its signals named anew."""
+        return self._with(plant=plant, **({"inputs": None, "outputs": None, "name": None} | names))
+
+    def with_delays(self, delays: ArrayLike) -> Self:
         """Return the same system with other delays (s), one for each of `delays`.
 
         Raises
@@ -211,7 +227,7 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         """
         return self._with(delays=validation.vector("delays", delays, size=self._delays.size, at_least=0.0))
 
-    def with_gains(self, gains: ArrayLike) -> DelayLTI:
+    def with_gains(self, gains: ArrayLike) -> Self:
         """Return the same system with other gains, one for each of `gains`.
 
         Raises
@@ -221,9 +237,14 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         """
         return self._with(gains=validation.vector("gains", gains, size=self._gains.size))
 
-    def with_names(self, **names: Any) -> DelayLTI:
+    def with_names(self, **names: Any) -> Self:
         """Return the same system with other ``inputs``, ``outputs``, ``states`` or ``name``."""
         return self._with(**checked_names(names))
+
+    def renamed(self, names: Mapping[str, Any]) -> Self:
+        """Return the same system under those names of a call that are given."""
+        labels = {key: value for key, value in checked_names(names).items() if value is not None}
+        return self._with(**labels) if labels else self
 
     @cached_property
     def channel_delays(self) -> FloatArray:
@@ -280,10 +301,58 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
         """Return the gain at s = 0 (delays are transparent there)."""
         return self._dcgain(warn_infinite)
 
+    # --------------------------------------------------------------------------------------------- operators
+
+    # Arrays and numpy numbers on the left leave the operation to this class instead of taking it apart.
+    __array_ufunc__ = None
+
+    def __neg__(self) -> Self:
+        return arithmetic.negated(self)
+
+    def __pos__(self) -> Self:
+        return self
+
+    def __add__(self, other: Any) -> Self:
+        return self._operate(arithmetic.add, other)
+
+    def __radd__(self, other: Any) -> Self:
+        return self._operate(arithmetic.add, other, other_first=True)
+
+    def __sub__(self, other: Any) -> Self:
+        return self._operate(arithmetic.subtract, other)
+
+    def __rsub__(self, other: Any) -> Self:
+        return self._operate(arithmetic.subtract, other, other_first=True)
+
+    def __mul__(self, other: Any) -> Self:
+        return self._operate(arithmetic.multiply, other)
+
+    def __rmul__(self, other: Any) -> Self:
+        return self._operate(arithmetic.multiply, other, other_first=True)
+
+    def __truediv__(self, other: Any) -> Self:
+        if not isinstance(other, (Real, np.number)) or isinstance(other, bool):
+            return NotImplemented
+        if other == 0:
+            raise InputError("division of a system by zero is not allowed")
+        return self * (1.0 / float(other))
+
+    def __getitem__(self, key: Any) -> Self:
+        return arithmetic.selected(self, key)
+
+    def _operate(
+        self, operation: Callable[[Self, Self], Self], other: Any, other_first: bool = False
+    ) -> Self:
+        known = (DelaySystem, control.StateSpace, control.TransferFunction)
+        if not isinstance(other, known) and not _is_number_like(other):
+            return NotImplemented
+        converted = self.of(other, "operand")
+        return operation(converted, self) if other_first else operation(self, converted)
+
     def __str__(self) -> str:
         delays = ", ".join(f"{d:g} s" for d in self._delays) or "none"
         return (
-            f"<DelayLTI> {self.name}: {self.nstates} states\n"
+            f"<{type(self).__name__}> {self.name}: {self.nstates} states\n"
             f"  inputs:  {', '.join(self.input_labels)}\n"
             f"  outputs: {', '.join(self.output_labels)}\n"
             f"  delays:  {delays}\n"
@@ -293,42 +362,8 @@ class DelayLTI(DelayOperators, PythonControlMethods, LTI):
     __repr__ = __str__
 
 
-def _split(system: control.StateSpace, channels: int) -> Realization:
-    """Split an ordinary system into external signals and, last, `channels` delayed ones."""
-    if not isinstance(system, control.StateSpace):
-        raise InputError(f"plant is a {type(system).__name__}: a control.StateSpace is needed")
-    if system.dt not in (0, None):
-        raise InputError(f"plant has dt = {system.dt}: only continuous time (dt = 0) is possible")
-    p, q = system.noutputs - channels, system.ninputs - channels
-    if p < 0 or q < 0:
-        raise InputError(
-            f"plant has {system.ninputs} inputs and {system.noutputs} outputs: "
-            f"at least {channels} of each, for the delayed signals, are needed"
-        )
-    B, C, D = (np.asarray(m, dtype=float) for m in (system.B, system.C, system.D))
-    return Realization(system.A, B[:, :q], B[:, q:], C[:p], C[p:], D[:p, :q], D[:p, q:], D[p:, :q], D[p:, q:])
-
-
-def as_delay_lti(system: Any, name: str = "system") -> DelayLTI:
-    """Return a `DelayLTI` equal to a control system, a number or a matrix.
-
-    Raises
-    ------
-    InputError
-        A discrete-time system, frequency data, or something that is no linear system.
-    """
-    if isinstance(system, DelayLTI):
-        return system
-    if isinstance(system, control.TransferFunction):
-        return DelayLTI(state_space_of(system, name), name=system.name)
-    if isinstance(system, control.StateSpace):
-        return DelayLTI(system, name=system.name)
-    number_like = isinstance(system, (int, float, np.number, np.ndarray, list, tuple))
-    if number_like and not isinstance(system, bool):
-        D: NDArray[np.float64] = validation.matrix(name, system)
-        return DelayLTI(
-            control.StateSpace(np.zeros((0, 0)), np.zeros((0, D.shape[1])), np.zeros((D.shape[0], 0)), D)
-        )
-    raise InputError(
-        f"{name} is a {type(system).__name__}: a linear continuous-time system or a number is needed"
-    )
+def _is_number_like(value: Any) -> bool:
+    """Whether a value can stand for a constant gain; truth values and complex numbers cannot."""
+    if isinstance(value, (bool, np.bool_, np.complexfloating)):
+        return False
+    return isinstance(value, (Real, np.number, np.ndarray, list, tuple))

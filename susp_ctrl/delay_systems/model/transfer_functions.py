@@ -1,4 +1,4 @@
-"""Transfer functions as state-space systems, several inputs and outputs included."""
+"""Systems of python-control taken in and given out: transfer functions, plants with delayed signals, state space."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import control
 import numpy as np
 
+from susp_ctrl.delay_systems.model.lft import Realization
 from susp_ctrl.errors import InputError
 
 
@@ -74,3 +75,19 @@ def state_space(
     if not inputs:
         B, D, inputs = np.zeros((A.shape[0], 1)), np.zeros((C.shape[0], 1)), ["idle"]
     return control.StateSpace(A, B, C, D, inputs=list(inputs), outputs=list(outputs), states=list(states))
+
+
+def split_off_channels(system: control.StateSpace, channels: int) -> Realization:
+    """Split an ordinary system into external signals and, last, `channels` delayed ones."""
+    if not isinstance(system, control.StateSpace):
+        raise InputError(f"plant is a {type(system).__name__}: a control.StateSpace is needed")
+    if system.dt not in (0, None):
+        raise InputError(f"plant has dt = {system.dt}: only continuous time (dt = 0) is possible")
+    p, q = system.noutputs - channels, system.ninputs - channels
+    if p < 0 or q < 0:
+        raise InputError(
+            f"plant has {system.ninputs} inputs and {system.noutputs} outputs: "
+            f"at least {channels} of each, for the delayed signals, are needed"
+        )
+    matrix = np.block([[system.A, system.B], [system.C, system.D]])
+    return Realization.from_matrix(matrix, system.nstates, p, q)

@@ -27,7 +27,7 @@ import numpy as np
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix, Points
 from susp_ctrl.delay_systems.model.lft import FloatArray
-from susp_ctrl.delay_systems.model.system import as_delay_lti
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
 # Relative uncertainty of every entry of K: some dozens of roundings.
@@ -87,7 +87,7 @@ def count_roots_right_of(sys: Any, line: float) -> int | None:
 
     As `count_unstable_roots`, with the imaginary axis moved to `line`.
     """
-    system = as_delay_lti(sys, "sys")
+    system = DelaySystem.of(sys, "sys")
     position = validation.number("line", line)
     try:
         return count_right_of(CharacteristicMatrix.of(system.folded), position)

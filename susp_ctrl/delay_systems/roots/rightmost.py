@@ -26,7 +26,7 @@ from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximation.spectral import discretized_matrix
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.system import as_delay_lti
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import ContourError, abscissa_by_counts, count_right_of
 from susp_ctrl.delay_systems.roots.root_refinement import RefinedRoots, eigenvalue_uncertainty, refine
 from susp_ctrl.errors import InputError
@@ -107,7 +107,7 @@ def characteristic_roots(
     ----------
     .. [1] Z. Wu, W. Michiels, J. Comput. Appl. Math. 236(9), 2012.
     """
-    K = CharacteristicMatrix.of(as_delay_lti(sys, "sys").folded)
+    K = CharacteristicMatrix.of(DelaySystem.of(sys, "sys").folded)
     if right_of is not None:
         if count is not None:
             raise InputError(f"count = {count} and right_of = {right_of}: only one of them can be given")
@@ -139,7 +139,7 @@ def spectral_abscissa(sys: Any) -> float:
         Where the rightmost root is one of many with the same real part to many digits, the bound that counts by the
         argument principle give.
     """
-    K = CharacteristicMatrix.of(as_delay_lti(sys, "sys").folded)
+    K = CharacteristicMatrix.of(DelaySystem.of(sys, "sys").folded)
     found = rightmost_roots(K, 1)
     if K.n_states == 0:
         return -np.inf

@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import ContourError, count_right_of
 from susp_ctrl.delay_systems.roots.rightmost import rightmost_roots
 from susp_ctrl.errors import InputError
@@ -65,7 +65,7 @@ class RootLocus:
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the paths in the complex plane, conjugates included, and return the axes."""
-        from susp_ctrl.plotting import draw_root_locus
+        from susp_ctrl.plotting import draw_root_locus  # loads matplotlib
 
         both = np.hstack([self.roots, np.where(self.roots.imag > 0.0, self.roots.conj(), np.nan)])
         return draw_root_locus(self.values, both, ax, parameter=self.parameter)
@@ -115,7 +115,7 @@ def root_locus(sys: Any, parameter: str, values: ArrayLike, count: int = 8) -> R
     to the nearest root to where it was heading. Where steps are too large to tell, a branch ends and a new one
     begins.
     """
-    system = as_delay_lti(sys, "sys")
+    system = DelaySystem.of(sys, "sys")
     steps = validation.increasing("values", values)
     wanted = validation.integer("count", count, at_least=1)
     change = _change(system, validation.one_of("parameter", parameter, _parameters(system)))
@@ -128,7 +128,7 @@ def root_locus(sys: Any, parameter: str, values: ArrayLike, count: int = 8) -> R
     return RootLocus(parameter, steps, _branches(found), np.array(unstable))
 
 
-def _parameters(system: DelayLTI) -> list[str]:
+def _parameters(system: DelaySystem) -> list[str]:
     n = system.delays.size
     return [
         *(f"{kind}[{k}]" for kind in ("delay", "gain") for k in range(n)),
@@ -136,14 +136,14 @@ def _parameters(system: DelayLTI) -> list[str]:
     ]
 
 
-def _change(system: DelayLTI, parameter: str) -> Any:
+def _change(system: DelaySystem, parameter: str) -> Any:
     """Return the function from a value of the parameter to the changed system."""
     of_delay = parameter.startswith("delay")
     present = system.delays if of_delay else system.gains
     replaced = system.with_delays if of_delay else system.with_gains
     index = re.search(r"\[(\d+)\]", parameter)
 
-    def changed(value: float) -> DelayLTI:
+    def changed(value: float) -> DelaySystem:
         if of_delay and value < 0.0:
             raise InputError(f"values holds {value:g}: a delay is at least 0")
         if index is None:

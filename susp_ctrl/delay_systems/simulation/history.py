@@ -11,13 +11,13 @@ from susp_ctrl import validation
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs, announced_breakpoints
 from susp_ctrl.delay_systems.integrators.trajectory import Past
 from susp_ctrl.delay_systems.model.lft import FloatArray, Realization
-from susp_ctrl.delay_systems.model.system import DelayLTI
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.simulation.simulation_response import SimulationResponse
 from susp_ctrl.delay_systems.simulation.sinusoidal import phasors, sum_of_lines
 from susp_ctrl.errors import InputError
 
 
-def past_of(system: DelayLTI, history: Any, signals: Inputs) -> Past:
+def past_of(system: DelaySystem, history: Any, signals: Inputs) -> Past:
     """Return the past a caller describes by `history`."""
     n = system.nstates
     if history is None:
@@ -60,7 +60,7 @@ def _history_values(history: Any, times: FloatArray, n: int) -> FloatArray:
 
 
 def _delayed_before(
-    system: DelayLTI, state: Callable[[FloatArray], FloatArray]
+    system: DelaySystem, state: Callable[[FloatArray], FloatArray]
 ) -> Callable[[FloatArray], FloatArray]:
     """Return z before the run, ``z = C2 x + D22 w``, from the state's history."""
     plant, delays = system.folded

@@ -10,7 +10,7 @@ import numpy as np
 
 from susp_ctrl.delay_systems.integrators.trajectory import Run
 from susp_ctrl.delay_systems.model.lft import FloatArray
-from susp_ctrl.delay_systems.model.system import DelayLTI
+from susp_ctrl.delay_systems.model.system import DelaySystem
 
 
 class SimulationResponse(control.TimeResponseData):
@@ -35,7 +35,7 @@ class SimulationResponse(control.TimeResponseData):
 
 
 def simulation_response(
-    system: DelayLTI, times: FloatArray, run: Run, method: str, order: Any, rtol: float, case: int = 0
+    system: DelaySystem, times: FloatArray, run: Run, method: str, order: Any, rtol: float, case: int = 0
 ) -> SimulationResponse:
     """Return one case of a run under the system's names; warn where its error exceeds `rtol`."""
     response = SimulationResponse(

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs, as_inputs
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.model.loop_response import loop_response
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.verdict import stability
 from susp_ctrl.errors import InputError, UnstableSystemError
 
@@ -66,7 +67,7 @@ def steady_response(sys: Any, timepts: ArrayLike, inputs: Any) -> control.TimeRe
     -----
     The cost grows with lines times points; on uniform time grids phasors are turned by matrix products.
     """
-    system = as_delay_lti(sys, "sys")
+    system = DelaySystem.of(sys, "sys")
     times = validation.increasing("timepts", timepts)
     signals = as_inputs(_named_lines(inputs), system.input_labels, times)
     lines = phasors(system, signals, "inputs")
@@ -89,7 +90,7 @@ def steady_response(sys: Any, timepts: ArrayLike, inputs: Any) -> control.TimeRe
     )
 
 
-def phasors(system: DelayLTI, signals: Inputs, name: str) -> Phasors:
+def phasors(system: DelaySystem, signals: Inputs, name: str) -> Phasors:
     """Return the phasors of all signals in steady motion.
 
     Raises
@@ -112,19 +113,12 @@ def phasors(system: DelayLTI, signals: Inputs, name: str) -> Phasors:
             np.add.at(U[part.rows[0]], np.searchsorted(omegas, w), amplitude * np.exp(1j * phase))
     plant, delays = system.folded
     n = plant.n_states
-    everything = Realization(
-        plant.A,
-        plant.B1,
-        plant.B2,
-        np.vstack([plant.C1, np.eye(n), plant.C2]),
-        plant.C2,
-        np.vstack([plant.D11, np.zeros((n, plant.n_inputs)), plant.D21]),
-        np.vstack([plant.D12, np.zeros((n, plant.n_channels)), plant.D22]),
-        plant.D21,
-        plant.D22,
-    )
-    H = DelayLTI(everything, delays)(1j * omegas, squeeze=False)
-    response = np.einsum("pqk,qk->pk", H, U)
+    into_state, y, z = np.split(plant.matrix, [n, n + plant.n_outputs])
+    with_all = np.vstack([into_state, y, np.eye(n, z.shape[1]), z, z])
+    everything = plant.rebuilt(with_all, plant.n_outputs + n + plant.n_channels)
+    s = 1j * omegas
+    H = loop_response(everything, s, np.exp(-s[:, None] * delays))
+    response = np.einsum("kpq,qk->pk", H, U)
     if not np.all(np.isfinite(response)):
         bad = omegas[int(np.flatnonzero(~np.isfinite(response).all(axis=0))[0])]
         raise InputError(

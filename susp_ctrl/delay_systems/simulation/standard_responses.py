@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.model.lft import FloatArray, Realization
-from susp_ctrl.delay_systems.model.system import DelayLTI
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
 from susp_ctrl.delay_systems.simulation.time_response import simulate
 
 
-def step_response(sys: DelayLTI, timepts: ArrayLike | None = None) -> control.TimeResponseData:
+def step_response(sys: DelaySystem, timepts: ArrayLike | None = None) -> control.TimeResponseData:
     """Return the response of every output to a unit step of every input.
 
     Parameters
@@ -39,7 +39,7 @@ def step_response(sys: DelayLTI, timepts: ArrayLike | None = None) -> control.Ti
     return _traces(sys, sys, timepts, "Step response")
 
 
-def impulse_response(sys: DelayLTI, timepts: ArrayLike | None = None) -> control.TimeResponseData:
+def impulse_response(sys: DelaySystem, timepts: ArrayLike | None = None) -> control.TimeResponseData:
     """Return the response of every output to a unit impulse of every input.
 
     Parameters
@@ -57,7 +57,7 @@ def impulse_response(sys: DelayLTI, timepts: ArrayLike | None = None) -> control
     return _traces(sys, derivative(sys), timepts, "Impulse response")
 
 
-def derivative(sys: DelayLTI) -> DelayLTI:
+def derivative(sys: DelaySystem) -> DelaySystem:
     """Return ``s H(s)`` without the impulses, as a system of the same delays.
 
     Beside the delayed signals w come their derivatives w', with ``z' = C2 x' + D22 w'``, and
@@ -77,18 +77,11 @@ def derivative(sys: DelayLTI) -> DelayLTI:
         D21=np.vstack([r.D21, r.C2 @ r.B1]),
         D22=np.block([[r.D22, zero], [r.C2 @ r.B2, r.D22]]),
     )
-    return DelayLTI(
-        realization,
-        np.tile(sys.delays, 2),
-        np.tile(sys.gains, 2),
-        sys.widths * 2,
-        inputs=sys.input_labels,
-        outputs=sys.output_labels,
-        states=sys.state_labels,
-    )
+    labels = {"inputs": sys.input_labels, "outputs": sys.output_labels, "states": sys.state_labels}
+    return DelaySystem(realization, np.tile(sys.delays, 2), np.tile(sys.gains, 2), sys.widths * 2, **labels)
 
 
-def default_times(sys: DelayLTI) -> FloatArray:
+def default_times(sys: DelaySystem) -> FloatArray:
     """Return 1000 times that show the slowest rightmost roots and several times the longest delay."""
     roots = characteristic_roots(sys, 8)
     longest = float(np.sum(sys.folded.delays))
@@ -105,7 +98,7 @@ def default_times(sys: DelayLTI) -> FloatArray:
     return np.linspace(0.0, end + 3.0 * longest, 1000)
 
 
-def _times(sys: DelayLTI, timepts: ArrayLike | None) -> FloatArray:
+def _times(sys: DelaySystem, timepts: ArrayLike | None) -> FloatArray:
     if timepts is None:
         return default_times(sys)
     if np.ndim(timepts) == 0:
@@ -114,7 +107,7 @@ def _times(sys: DelayLTI, timepts: ArrayLike | None) -> FloatArray:
 
 
 def _traces(
-    sys: DelayLTI, simulated: DelayLTI, timepts: ArrayLike | None, title: str
+    sys: DelaySystem, simulated: DelaySystem, timepts: ArrayLike | None, title: str
 ) -> control.TimeResponseData:
     times = _times(sys, timepts)
     p, q = sys.noutputs, sys.ninputs

@@ -36,7 +36,7 @@ from susp_ctrl.delay_systems.integrators.method_of_steps import run_exact
 from susp_ctrl.delay_systems.integrators.reference_method import run_reference
 from susp_ctrl.delay_systems.integrators.trajectory import Past, side_by_side
 from susp_ctrl.delay_systems.model.lft import FloatArray
-from susp_ctrl.delay_systems.model.system import DelayLTI, as_delay_lti
+from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.simulation.history import past_of
 from susp_ctrl.delay_systems.simulation.simulation_response import SimulationResponse, simulation_response
 from susp_ctrl.errors import InputError
@@ -119,7 +119,7 @@ def simulate(
     ----------
     .. [1] A. Bellen, M. Zennaro, "Numerical Methods for Delay Differential Equations", Oxford, 2003, chapter 3.
     """
-    system = as_delay_lti(sys, "sys")
+    system = DelaySystem.of(sys, "sys")
     times = validation.increasing("timepts", timepts, at_least=0.0)
     validation.one_of("method", method, _METHODS)
     validation.one_of("hold", hold, ("linear", "zero"))
@@ -209,7 +209,7 @@ def simulate_many(
         groups.setdefault(id(model), []).append(k)
     responses: dict[int, SimulationResponse] = {}
     for members in groups.values():
-        system = as_delay_lti(models[members[0]], f"systems[{members[0]}]")
+        system = DelaySystem.of(models[members[0]], f"systems[{members[0]}]")
         for a in range(0, len(members), _TOGETHER):
             some = members[a : a + _TOGETHER]
             signals = [
@@ -225,9 +225,9 @@ def simulate_many(
     return [responses[k] for k in range(cases)]
 
 
-def _approximated(system: DelayLTI, method: str, order: Any, signals: Inputs) -> tuple[DelayLTI, Any]:
+def _approximated(system: DelaySystem, method: str, order: Any, signals: Inputs) -> tuple[DelaySystem, Any]:
     ordinary, chosen = approximation(system, method, order, signals.bandwidth)
-    return as_delay_lti(ordinary), chosen
+    return DelaySystem.of(ordinary), chosen
 
 
 def _check_start(times: FloatArray, past: Past, signals: Inputs) -> None:
