@@ -134,6 +134,12 @@ def complaints(name: str, value: Any, text: str) -> Iterator[str]:
         yield f"{name}: Raises is missing"
 
 
+def own_members(value: type) -> dict[str, Any]:
+    """Members that the class and those of its bases that are ours define."""
+    ours = [base for base in reversed(value.__mro__) if base.__module__.startswith("susp_ctrl")]
+    return {name: member for base in ours for name, member in vars(base).items()}
+
+
 @pytest.mark.parametrize("name", PUBLIC)
 def test_public_docstrings_are_complete(name: str) -> None:
     value = getattr(sc, name)
@@ -152,7 +158,7 @@ def test_public_docstrings_are_complete(name: str) -> None:
             for parameter in inspect.signature(value).parameters
             if parameter not in told and not parameter.startswith("_")
         ]
-        for member, function in vars(value).items():
+        for member, function in own_members(value).items():
             function = getattr(function, "__func__", function)
             if member.startswith("_") or not inspect.isfunction(function):
                 continue
@@ -163,11 +169,11 @@ def test_public_docstrings_are_complete(name: str) -> None:
             wrong += complaints(f"{name}.{member}", function, inner)
         wrong += [
             f"{name}.{member} is not described"
-            for member, prop in vars(value).items()
+            for member, prop in own_members(value).items()
             if isinstance(prop, property) and not inspect.getdoc(prop) and not member.startswith("_")
         ]
-        own = [m for m in ("__init__", "__post_init__") if m in vars(value)]
-        if any(raises(vars(value)[m]) for m in own) and "Raises" not in found:
+        own = [m for m in ("__init__", "__post_init__") if m in own_members(value)]
+        if any(raises(own_members(value)[m]) for m in own) and "Raises" not in found:
             wrong.append(f"{name}: Raises is missing")
     else:
         wrong += complaints(name, value, text)

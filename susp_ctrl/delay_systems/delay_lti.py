@@ -69,6 +69,10 @@ class DelayLTI(DelaySystem):
             Order for all delays, or one for each; 1 to 60.
         omega_max : float, optional
             Highest frequency (rad/s) that matters; a `PadeOrderWarning` tells where the order is too low.
+
+        Returns
+        -------
+        control.StateSpace
         """
         return pade_approximation(self, order, omega_max)
 
@@ -79,11 +83,34 @@ class DelayLTI(DelaySystem):
         ----------
         order : int or sequence of int
             Points of the transport line of all delays, or of each; 1 to 400.
+
+        Returns
+        -------
+        control.StateSpace
         """
         return spectral_approximation(self, order)
 
     def feedback(self, other: Any = 1, sign: float = -1, **names: Any) -> Self:
-        """Close a loop around this system; see `susp_ctrl.feedback`."""
+        """Close a loop around this system; see `susp_ctrl.feedback`.
+
+        Parameters
+        ----------
+        other : DelayLTI, control system, number or matrix, optional
+            Return path.
+        sign : float, optional
+            -1 for negative feedback, 1 for positive.
+        **names
+            ``inputs``, ``outputs``, ``states``, ``name`` of the result.
+
+        Returns
+        -------
+        DelayLTI
+
+        Raises
+        ------
+        InputError
+            Numbers of signals that do not fit, another sign, or a delay-free algebraic loop with unit gain.
+        """
         weight = validation.number("sign", sign)
         if abs(weight) != 1.0:
             raise InputError(
@@ -92,13 +119,22 @@ class DelayLTI(DelaySystem):
         return arithmetic.closed_around(self, self.of(other, "sys2"), weight).renamed(names)
 
     def append(self, other: Any) -> Self:
-        """Put another system beside this one; see `susp_ctrl.append`."""
+        """Return this system with another one beside it; see `susp_ctrl.append`."""
         return arithmetic.beside(self, self.of(other, "other"))
 
     # ------------------------------------------------------------------------------------------- conversions
 
     def to_ss(self, *args: Any, **kwargs: Any) -> control.StateSpace:
         """Return the system as a `control.StateSpace` if no delay is at work in it.
+
+        Parameters
+        ----------
+        *args, **kwargs
+            Accepted for python-control's sake.
+
+        Returns
+        -------
+        control.StateSpace
 
         Raises
         ------
@@ -110,6 +146,15 @@ class DelayLTI(DelaySystem):
 
     def to_tf(self, *args: Any, **kwargs: Any) -> control.TransferFunction:
         """Return the system as a `control.TransferFunction` if no delay is at work in it.
+
+        Parameters
+        ----------
+        *args, **kwargs
+            Passed to `control.tf`.
+
+        Returns
+        -------
+        control.TransferFunction
 
         Raises
         ------
@@ -183,16 +228,44 @@ class DelayLTI(DelaySystem):
             Frequencies (rad/s); by default chosen to show every feature, densely where the response moves fast.
         squeeze : bool, optional
             As in python-control.
+
+        Returns
+        -------
+        control.FrequencyResponseData
         """
         points = self._frequencies(omega)
         return super().frequency_response(points, squeeze=squeeze)
 
     def bode_plot(self, omega: ArrayLike | None = None, **kwargs: Any) -> Any:
-        """Draw magnitude and phase; `ax` and other options as in `control.bode_plot`."""
+        """Draw magnitude and phase.
+
+        Parameters
+        ----------
+        omega : array_like, optional
+            Frequencies (rad/s); by default as in `frequency_response`.
+        **kwargs
+            `ax` and the other options of `control.bode_plot`.
+
+        Returns
+        -------
+        control.ControlPlot
+        """
         return control.bode_plot(self.frequency_response(omega), **_own_figure(kwargs))
 
     def nyquist_plot(self, omega: ArrayLike | None = None, **kwargs: Any) -> Any:
-        """Draw the Nyquist curve of a system with one input and output; options as in `control.nyquist_plot`."""
+        """Draw the Nyquist curve of a system with one input and output.
+
+        Parameters
+        ----------
+        omega : array_like, optional
+            Frequencies (rad/s); by default as in `frequency_response`.
+        **kwargs
+            `ax` and the other options of `control.nyquist_plot`.
+
+        Returns
+        -------
+        control.ControlPlot
+        """
         points = self._frequencies(omega)
         if omega is None and np.all(np.isfinite(self(0.0, squeeze=False))):
             points = np.union1d([0.0], points)
@@ -201,11 +274,35 @@ class DelayLTI(DelaySystem):
         return response.plot(**_own_figure(kwargs))
 
     def nichols_plot(self, omega: ArrayLike | None = None, **kwargs: Any) -> Any:
-        """Draw gain over phase; options as in `control.nichols_plot`."""
+        """Draw gain over phase.
+
+        Parameters
+        ----------
+        omega : array_like, optional
+            Frequencies (rad/s); by default as in `frequency_response`.
+        **kwargs
+            `ax` and the other options of `control.nichols_plot`.
+
+        Returns
+        -------
+        control.ControlPlot
+        """
         return control.nichols_plot(self.frequency_response(omega), **_own_figure(kwargs))
 
     def singular_values_plot(self, omega: ArrayLike | None = None, **kwargs: Any) -> Any:
-        """Draw the singular values over frequency; options as in `control.singular_values_plot`."""
+        """Draw the singular values over frequency.
+
+        Parameters
+        ----------
+        omega : array_like, optional
+            Frequencies (rad/s); by default as in `frequency_response`.
+        **kwargs
+            `ax` and the other options of `control.singular_values_plot`.
+
+        Returns
+        -------
+        control.ControlPlot
+        """
         response = control.singular_values_response(self, self._frequencies(omega))
         return response.plot(**_own_figure(kwargs))
 
@@ -221,7 +318,11 @@ class DelayLTI(DelaySystem):
         Parameters
         ----------
         timepts : array_like, optional
-            Times (s), increasing from zero or later.
+            Times (s), increasing from zero or later, or their end; by default chosen for the slowest root.
+
+        Returns
+        -------
+        control.TimeResponseData
         """
         return step_response(self, timepts)
 
@@ -231,18 +332,50 @@ class DelayLTI(DelaySystem):
         Parameters
         ----------
         timepts : array_like, optional
-            Times (s), increasing from zero or later.
+            Times (s), increasing from zero or later, or their end; by default chosen for the slowest root.
+
+        Returns
+        -------
+        control.TimeResponseData
         """
         return impulse_response(self, timepts)
 
     def forced_response(
         self, timepts: ArrayLike, inputs: Any = None, **kwargs: Any
     ) -> control.TimeResponseData:
-        """Return the exact response to given inputs; see `simulate`."""
+        """Return the exact response to given inputs; see `simulate`.
+
+        Parameters
+        ----------
+        timepts : array_like
+            Times (s), increasing from zero or later.
+        inputs : dict, array_like or callable, optional
+            As `simulate` takes them.
+        **kwargs
+            Further options of `simulate`.
+
+        Returns
+        -------
+        control.TimeResponseData
+        """
         return simulate(self, timepts, inputs, **kwargs)
 
     def initial_response(self, timepts: ArrayLike, history: Any, **kwargs: Any) -> control.TimeResponseData:
-        """Return the exact free response from a given past; `history` as in `simulate`."""
+        """Return the exact free response from a given past; see `simulate`.
+
+        Parameters
+        ----------
+        timepts : array_like
+            Times (s), increasing from zero or later.
+        history : array_like or callable
+            State before t = 0, as `simulate` takes it.
+        **kwargs
+            Further options of `simulate`.
+
+        Returns
+        -------
+        control.TimeResponseData
+        """
         return simulate(self, timepts, None, history=history, **kwargs)
 
     def _frequencies(self, omega: ArrayLike | None) -> np.ndarray:

@@ -176,6 +176,10 @@ class DelaySystem(LTI):
         name : str, optional
             Name of the argument in error messages.
 
+        Returns
+        -------
+        DelayLTI
+
         Raises
         ------
         InputError
@@ -214,7 +218,19 @@ class DelaySystem(LTI):
         return type(self)(**(self._settings | changes))
 
     def with_parts(self, plant: Realization, **names: Any) -> Self:
-        """Return a system with the same states and delays around another plant, its signals named anew."""
+        """Return a system with the same states and delays around another plant, its signals named anew.
+
+        Parameters
+        ----------
+        plant : Realization
+            Plant with as many states and delayed signals.
+        **names
+            ``inputs``, ``outputs``, ``name``; generic ones where they are missing.
+
+        Returns
+        -------
+        DelayLTI
+        """
         return self._with(plant=plant, **({"inputs": None, "outputs": None, "name": None} | names))
 
     def with_delays(self, delays: ArrayLike) -> Self:
