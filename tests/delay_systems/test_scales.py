@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import block_diag
 
 import susp_ctrl as sc
-from susp_ctrl.delay_systems.crossings.small_gain import scaled_row_sums
+from susp_ctrl.delay_systems.model.perron import scaled_row_sums
 
 
 def states(*A, delays=None):

@@ -26,7 +26,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from susp_ctrl.delay_systems.crossings.delay_line import Coordinate, LoopMatrices, bordered
+from susp_ctrl.delay_systems.crossings.delay_line import Coordinate, bordered
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
 
 # Below this (relative) Jacobian a crossing counts as degenerate: it is refined as such and its degree measured.
@@ -43,7 +44,7 @@ class Zeros(NamedTuple):
     degree: np.ndarray
 
 
-def unit_chain(loop: LoopMatrices, multiples: FloatArray) -> LoopMatrices:
+def unit_chain(loop: CharacteristicMatrix, multiples: FloatArray) -> CharacteristicMatrix:
     """Replace each delay of k units by k unit delays in series."""
     lengths = multiples.astype(int)
     last = np.cumsum(lengths) - 1
@@ -54,10 +55,10 @@ def unit_chain(loop: LoopMatrices, multiples: FloatArray) -> LoopMatrices:
     for head, tail in zip(first, last, strict=True):
         links = np.arange(head, tail)
         D[links + 1, links] = 1.0
-    return LoopMatrices(loop.A, B, C, D)
+    return CharacteristicMatrix(loop.A, B, C, D, np.ones(r))
 
 
-def crossing_frequencies(chain: LoopMatrices) -> tuple[FloatArray, float]:
+def crossing_frequencies(chain: CharacteristicMatrix) -> tuple[FloatArray, float]:
     """Return candidates ``omega > 0`` where an eigenvalue of ``M(jw)`` may have modulus one.
 
     None is missed above the second number returned: below it eigenvalues cannot be told from zero.
@@ -113,18 +114,15 @@ def _graded_eigenvalues(matrix: FloatArray) -> tuple[ComplexArray, float]:
     return np.concatenate([1.0 / mirrored[chosen], values[order[small:]]]), 0.0
 
 
-def unit_moduli(chain: LoopMatrices, omega: FloatArray) -> ComplexArray:
+def unit_moduli(chain: CharacteristicMatrix, omega: FloatArray) -> ComplexArray:
     """Return the r values z with ``det(I - z M(jw)) = 0``, shape (frequencies, r); infinite where mu = 0."""
-    n = chain.n_states
-    s = 1j * np.atleast_1d(omega)
     with np.errstate(all="ignore"):
-        resolvent = np.linalg.solve(
-            s[:, None, None] * np.eye(n) - chain.A, np.broadcast_to(chain.B, (s.size, *chain.B.shape))
-        )
-        return np.asarray(1.0 / np.linalg.eigvals(chain.C @ resolvent + chain.D), dtype=complex)
+        return np.asarray(1.0 / np.linalg.eigvals(chain.response(omega)), dtype=complex)
 
 
-def chain_zeros(chain: LoopMatrices, loop: LoopMatrices, coordinate: Coordinate) -> tuple[Zeros, float]:
+def chain_zeros(
+    chain: CharacteristicMatrix, loop: CharacteristicMatrix, coordinate: Coordinate
+) -> tuple[Zeros, float]:
     """Find the zeros (omega, theta) for delays that are multiples of one; all above the frequency returned."""
     candidates, floor = crossing_frequencies(chain)
     if candidates.size == 0:
@@ -138,7 +136,7 @@ def chain_zeros(chain: LoopMatrices, loop: LoopMatrices, coordinate: Coordinate)
 
 
 def polished_zeros(
-    loop: LoopMatrices,
+    loop: CharacteristicMatrix,
     coordinate: Coordinate,
     omega: FloatArray,
     y: FloatArray,
@@ -186,7 +184,7 @@ def polished_zeros(
 
 
 def winding(
-    loop: LoopMatrices, coordinate: Coordinate, omega: float, y: float, h: float, g: float
+    loop: CharacteristicMatrix, coordinate: Coordinate, omega: float, y: float, h: float, g: float
 ) -> int | None:
     """Return the degree of ``det W`` on the rectangle omega +- h, y +- g; None where its edge meets a zero."""
     # Along the edge in four straight pieces, the steps halved where the phase turns fast: beside a touch it
@@ -212,7 +210,13 @@ def winding(
 
 
 def _edge_sign(
-    loop: LoopMatrices, coordinate: Coordinate, edge: FloatArray, omega: float, y: float, h: float, g: float
+    loop: CharacteristicMatrix,
+    coordinate: Coordinate,
+    edge: FloatArray,
+    omega: float,
+    y: float,
+    h: float,
+    g: float,
 ) -> ComplexArray:
     """Return the phase factor of ``det W`` at places 0..4 along the edge of a rectangle, counterclockwise."""
     side, t = np.floor(edge).astype(int) % 4, 2.0 * (edge - np.floor(edge)) - 1.0
@@ -223,7 +227,7 @@ def _edge_sign(
 
 
 def _newton(
-    loop: LoopMatrices, coordinate: Coordinate, omega: FloatArray, y: FloatArray, y_scale: float
+    loop: CharacteristicMatrix, coordinate: Coordinate, omega: FloatArray, y: FloatArray, y_scale: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Newton on the smallest singular value; return points, residuals and the relative Jacobian."""
     omega, y = omega.astype(float).copy(), y.astype(float).copy()
@@ -263,7 +267,7 @@ def _newton(
 
 
 def zero_slopes(
-    loop: LoopMatrices, coordinate: Coordinate, omega: FloatArray, y: FloatArray
+    loop: CharacteristicMatrix, coordinate: Coordinate, omega: FloatArray, y: FloatArray
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return the derivatives, with respect to omega and y, of the singular value that vanishes at each zero."""
     if omega.size == 0:
@@ -278,7 +282,9 @@ def _norms(matrices: ComplexArray) -> FloatArray:
     return np.linalg.norm(matrices, axis=(1, 2))
 
 
-def _nullity(loop: LoopMatrices, coordinate: Coordinate, omega: FloatArray, y: FloatArray) -> np.ndarray:
+def _nullity(
+    loop: CharacteristicMatrix, coordinate: Coordinate, omega: FloatArray, y: FloatArray
+) -> np.ndarray:
     """Return the dimension of the null space of W at each point."""
     if omega.size == 0:
         return np.zeros(0, dtype=int)
@@ -287,7 +293,7 @@ def _nullity(loop: LoopMatrices, coordinate: Coordinate, omega: FloatArray, y: F
 
 
 def _fold_point(
-    loop: LoopMatrices, coordinate: Coordinate, omega: float, y: float, w_scale: float, y_scale: float
+    loop: CharacteristicMatrix, coordinate: Coordinate, omega: float, y: float, w_scale: float, y_scale: float
 ) -> tuple[float, float] | None:
     """Refine a degenerate zero: there the Jacobian vanishes and so does one component of the bordered scalar.
 

@@ -22,9 +22,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from susp_ctrl.delay_systems.crossings.delay_line import Coordinate, LoopMatrices
-from susp_ctrl.delay_systems.crossings.small_gain import LocalPlant, inverses, off_axis, scaled_row_sums
+from susp_ctrl.delay_systems.crossings.delay_line import Coordinate
+from susp_ctrl.delay_systems.crossings.small_gain import LocalPlant, inverses, off_axis
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.model.perron import scaled_row_sums
 
 
 class _Phases(NamedTuple):
@@ -56,7 +58,7 @@ class _Expansion(NamedTuple):
 class BoxTest:
     """The test for one loop and one coordinate; call it with arrays of boxes."""
 
-    def __init__(self, loop: LoopMatrices, coordinate: Coordinate) -> None:
+    def __init__(self, loop: CharacteristicMatrix, coordinate: Coordinate) -> None:
         self._coordinate = coordinate
         self._by_state = loop.n_channels > loop.n_states and not np.any(loop.D)
         if self._by_state:

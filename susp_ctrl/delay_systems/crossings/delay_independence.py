@@ -33,10 +33,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.crossings.delay_line import LoopMatrices, delay_line
-from susp_ctrl.delay_systems.crossings.small_gain import frequency_bound, perron_bound, small_gain_bands
+from susp_ctrl.delay_systems.crossings.delay_line import delay_line
+from susp_ctrl.delay_systems.crossings.small_gain import frequency_bound, small_gain_bands
 from susp_ctrl.delay_systems.crossings.torus import structured_gain
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization, sample_plant
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization
+from susp_ctrl.delay_systems.model.perron import perron_bound
 from susp_ctrl.delay_systems.model.rounding import eigenvalues_with_uncertainty
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import count_unstable_roots
@@ -206,7 +208,7 @@ def small_gain_of_samples(p22: ComplexArray, gains: ArrayLike) -> FloatArray:
     return perron_bound(np.abs(p22) * g[..., None, None, :]).max(axis=-1)
 
 
-def supremum(loop: LoopMatrices, value: Callable[[ComplexArray], FloatArray]) -> tuple[float, float]:
+def supremum(loop: CharacteristicMatrix, value: Callable[[ComplexArray], FloatArray]) -> tuple[float, float]:
     """Return the supremum over ``w >= 0`` of a value of P22(jw) that is at most ``rho(|P22|)``, and where it is.
 
     The frequencies are those that cannot be excluded by bounds on the change of P, each interval narrow against
@@ -230,13 +232,12 @@ def supremum(loop: LoopMatrices, value: Callable[[ComplexArray], FloatArray]) ->
 
 
 def _value_at(
-    loop: LoopMatrices, value: Callable[[ComplexArray], FloatArray]
+    loop: CharacteristicMatrix, value: Callable[[ComplexArray], FloatArray]
 ) -> Callable[[FloatArray], FloatArray]:
     """Return the value of P22(jw) as a function of w; infinite at a pole."""
-    plant = _as_plant(loop)
 
     def at(omega: FloatArray) -> FloatArray:
-        P = sample_plant(plant, 1j * omega).p22
+        P = loop.response(omega)
         with np.errstate(all="ignore"):
             values = value(np.where(np.isfinite(P), P, 1e150))
         return np.where(np.isfinite(values), values, np.inf)
@@ -244,7 +245,9 @@ def _value_at(
     return at
 
 
-def _samples(loop: LoopMatrices, at: Callable[[FloatArray], FloatArray]) -> tuple[FloatArray, FloatArray]:
+def _samples(
+    loop: CharacteristicMatrix, at: Callable[[FloatArray], FloatArray]
+) -> tuple[FloatArray, FloatArray]:
     """Return frequencies among which no maximum is missed, and the values there."""
     poles = np.linalg.eigvals(loop.A)
     start = np.unique(np.concatenate([[0.0], np.abs(poles.imag), np.abs(poles)]))
@@ -274,7 +277,7 @@ def _peaks(
     return candidates, at(candidates)
 
 
-def _reached_again(loop: LoopMatrices, value: Callable[[ComplexArray], FloatArray]) -> bool:
+def _reached_again(loop: CharacteristicMatrix, value: Callable[[ComplexArray], FloatArray]) -> bool:
     """Tell whether a value that is one at zero frequency comes back to one, as far as can be told, elsewhere."""
     at = _value_at(loop, value)
     omega, values = _samples(loop, at)
@@ -308,7 +311,7 @@ def _spectral_radius(P: ComplexArray) -> FloatArray:
     return np.abs(np.linalg.eigvals(P)).max(axis=-1)
 
 
-def _free_loop(system: DelaySystem) -> tuple[LoopMatrices, np.ndarray]:
+def _free_loop(system: DelaySystem) -> tuple[CharacteristicMatrix, np.ndarray]:
     """Return the channels in loops, all delays being free, and the number of the delay of each channel."""
     n = system.delays.size
     # A direction of its own for each delay keeps them apart, and marks the channels.
@@ -320,15 +323,9 @@ def _stable(poles: np.ndarray, uncertain: FloatArray) -> bool:
     return bool(np.all(poles.real < -uncertain))
 
 
-def _as_plant(loop: LoopMatrices) -> Realization:
-    n, m = loop.n_states, loop.n_channels
-    return Realization(
-        loop.A, np.zeros((n, 0)), loop.B, np.zeros((0, n)), loop.C,
-        np.zeros((0, 0)), np.zeros((0, m)), np.zeros((m, 0)), loop.D,
-    )  # fmt: skip
-
-
-def _destabilising_delays(system: DelaySystem, loop: LoopMatrices, owner: np.ndarray) -> FloatArray | None:
+def _destabilising_delays(
+    system: DelaySystem, loop: CharacteristicMatrix, owner: np.ndarray
+) -> FloatArray | None:
     """Search phases that give a spectral radius above one, and count roots at delays that realise them.
 
     The phases are turned until the largest eigenvalue is real: then some smaller common gain puts a root on the
@@ -339,7 +336,7 @@ def _destabilising_delays(system: DelaySystem, loop: LoopMatrices, owner: np.nda
     frequencies = np.unique(
         np.concatenate([np.geomspace(1e-3 * top, top, 60), np.abs(poles), np.abs(poles.imag)])
     )
-    P = sample_plant(_as_plant(loop), 1j * frequencies).p22
+    P = loop.response(frequencies)
     usable = (frequencies > 1e-6 * top) & np.all(np.isfinite(P), axis=(1, 2))
     usable &= perron_bound(np.where(usable[:, None, None], np.abs(P), 0.0)) > 1.0
     frequencies, P = frequencies[usable], P[usable]

@@ -20,13 +20,13 @@ there as tau grows, minus those that cross back, in both coordinates.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Protocol
 
 import numpy as np
-import scipy.linalg
 
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.folding import fold
 from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.rounding import distance_to_singular, eigenvalues_with_uncertainty
@@ -37,36 +37,6 @@ _LARGEST_MULTIPLE = 12
 # which is known to some digits less.
 _SINGULAR = 1e-13
 _STAYS = 1e-11
-
-
-@dataclass(frozen=True, eq=False)
-class LoopMatrices:
-    """Plant seen from the signals in the loop: ``x' = A x + B w, z = C x + D w``; balanced, gains absorbed."""
-
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
-
-    @property
-    def n_states(self) -> int:
-        """Number of states."""
-        return self.A.shape[0]
-
-    @property
-    def n_channels(self) -> int:
-        """Number of delayed signals in the loop."""
-        return self.D.shape[0]
-
-    def closed(self, E: ComplexArray | FloatArray) -> ComplexArray | FloatArray:
-        """Return ``A + B E (I - D E)^-1 C`` for one diagonal `E`."""
-        return self.A + (self.B * E) @ np.linalg.solve(np.eye(self.n_channels) - self.D * E, self.C)
-
-    def undelayed_eigenvalues(self) -> tuple[ComplexArray, FloatArray]:
-        """Return the eigenvalues with every channel closed without delay, and how far rounding may move each."""
-        one = np.eye(self.n_channels)
-        terms = np.abs(self.A) + np.abs(self.B) @ np.abs(np.linalg.inv(one - self.D)) @ np.abs(self.C)
-        return eigenvalues_with_uncertainty(np.asarray(self.closed(np.ones(self.n_channels))).real, terms)
 
 
 class Coordinate(Protocol):
@@ -132,7 +102,7 @@ class DelayLine:
     ``offset`` times `direction`, so that nothing but multiples of one delay is left.
     """
 
-    matrices: LoopMatrices
+    matrices: CharacteristicMatrix
     start: FloatArray
     direction: FloatArray
     up_to: float
@@ -197,17 +167,15 @@ def delay_line(sys: DelaySystem, direction: FloatArray, start: FloatArray, up_to
     delayed = (per_channel[0] != 0.0) | (per_channel[1] != 0.0)
     # fold() closes channels of delay zero; the others carry their own number as a marker.
     markers = np.where(delayed, 1.0 + np.arange(delayed.size), 0.0)
-    plant, kept = fold(sys.realization, sys.channel_gains, markers)
-    position = np.rint(kept).astype(int) - 1
-    matrices, inside = _loop_matrices(plant.A, plant.B2, plant.C2, plant.D22)
-    s, d = per_channel[0][position[inside]], per_channel[1][position[inside]]
-    matrices, s, d = _merged(matrices, s, d)
+    matrices = CharacteristicMatrix.of(fold(sys.realization, sys.channel_gains, markers))
+    position = np.rint(matrices.delays).astype(int) - 1
+    matrices, s, d = _merged(matrices, per_channel[0][position], per_channel[1][position])
     step, multiples = _commensurate(d)
     return DelayLine(matrices, s, d, up_to, step, multiples, _offset(s, d) if step is not None else None)
 
 
 def bordered(
-    loop: LoopMatrices, coordinate: Coordinate, omega: FloatArray, y: FloatArray
+    loop: CharacteristicMatrix, coordinate: Coordinate, omega: FloatArray, y: FloatArray
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """Return W and its derivatives with respect to omega and y, each of shape (points, n + m, n + m)."""
     n, m = loop.n_states, loop.n_channels
@@ -247,44 +215,23 @@ def roots_always_on_axis(line: DelayLine) -> tuple[float, ...]:
     return tuple(found)
 
 
-def _loop_matrices(
-    A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray
-) -> tuple[LoopMatrices, np.ndarray]:
-    """Drop channels that lie in no loop, balance states and channels; return the positions kept as well."""
-    inside = np.arange(D.shape[0])
-    while inside.size:
-        b, c, d = B[:, inside], C[inside], D[np.ix_(inside, inside)]
-        driven = np.any(c != 0.0, axis=1) | np.any(d != 0.0, axis=1)
-        acting = np.any(b != 0.0, axis=0) | np.any(d != 0.0, axis=0)
-        if np.all(driven & acting):
-            break
-        inside = inside[driven & acting]
-    B, C, D = B[:, inside], C[inside], D[np.ix_(inside, inside)]
-    n = A.shape[0]
-    # All channels closed with weight one: the pattern and size of the whole loop decide the scaling.
-    whole = np.block([[A, B], [C, D]])
-    if whole.size:
-        _, (scale, _) = scipy.linalg.matrix_balance(whole, permute=False, separate=True)
-        whole = whole / scale[:, None] * scale
-    return LoopMatrices(whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]), inside
-
-
 def _merged(
-    loop: LoopMatrices, start: FloatArray, direction: FloatArray
-) -> tuple[LoopMatrices, FloatArray, FloatArray]:
+    loop: CharacteristicMatrix, start: FloatArray, direction: FloatArray
+) -> tuple[CharacteristicMatrix, FloatArray, FloatArray]:
     """Where more channels than states share one delay, let as many channels as states stand for them."""
-    if np.any(loop.D):
-        return loop, start, direction
     kinds, group = np.unique(np.column_stack([start, direction]), axis=0, return_inverse=True)
-    B, C, owner = [np.zeros((loop.n_states, 0))], [np.zeros((0, loop.n_states))], []
-    for k in range(len(kinds)):
-        own = np.flatnonzero(group.ravel() == k)
+    shared = [np.flatnonzero(group.ravel() == k) for k in range(len(kinds))]
+    if np.any(loop.D) or all(own.size <= loop.n_states for own in shared):
+        return replace(loop, delays=start), start, direction
+    B, C, owner = [], [], []
+    for k, own in enumerate(shared):
         wide = own.size > loop.n_states
         B.append(loop.B[:, own] @ loop.C[own] if wide else loop.B[:, own])
         C.append(np.eye(loop.n_states) if wide else loop.C[own])
         owner += [k] * C[-1].shape[0]
-    merged = LoopMatrices(loop.A, np.hstack(B), np.vstack(C), np.zeros((len(owner), len(owner))))
-    return merged, kinds[owner, 0], kinds[owner, 1]
+    start, direction = kinds[owner].T
+    D = np.zeros((len(owner), len(owner)))
+    return CharacteristicMatrix(loop.A, np.hstack(B), np.vstack(C), D, start), start, direction
 
 
 def _commensurate(direction: FloatArray) -> tuple[float | None, FloatArray | None]:

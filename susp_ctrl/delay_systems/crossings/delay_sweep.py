@@ -125,13 +125,7 @@ class DelaySweep:
 def _figure_data(line: DelayLine, crossings: FloatArray) -> pd.DataFrame:
     loop = line.matrices
     omega = _display_frequencies(line, crossings)
-    s = 1j * omega
-    with np.errstate(all="ignore"):
-        resolvent = np.linalg.solve(
-            s[:, None, None] * np.eye(loop.n_states) - loop.A,
-            np.broadcast_to(loop.B, (s.size, *loop.B.shape)),
-        )
-    P = (loop.C @ resolvent + loop.D).astype(complex)
+    P = loop.response(omega)
     if line.multiples is not None and line.multiples.max() == 1.0:
         z = _tracked(_moduli_of_common_delay(P, line, omega))
         columns = {f"z{k + 1}": np.abs(z[:, k]) for k in range(z.shape[1])}

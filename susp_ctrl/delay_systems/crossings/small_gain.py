@@ -17,8 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from susp_ctrl.delay_systems.crossings.delay_line import LoopMatrices
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, closed
+from susp_ctrl.delay_systems.model.perron import perron_bound
 
 _INTERVAL_BUDGET = 200_000
 
@@ -41,7 +42,7 @@ class LocalPlant(NamedTuple):
     rho: FloatArray
 
     @classmethod
-    def sample(cls, loop: LoopMatrices, omega: FloatArray) -> LocalPlant:
+    def sample(cls, loop: CharacteristicMatrix, omega: FloatArray) -> LocalPlant:
         """Evaluate P and its bounds at many frequencies."""
         with np.errstate(all="ignore"):
             resolvent = inverses(1j * omega[:, None, None] * np.eye(loop.n_states) - loop.A)
@@ -65,7 +66,7 @@ class LocalPlant(NamedTuple):
         return LocalPlant(*(part[index] for part in self))
 
 
-def small_gain_bands(loop: LoopMatrices, margin: float = 1.0) -> Bands:
+def small_gain_bands(loop: CharacteristicMatrix, margin: float = 1.0) -> Bands:
     """Return the frequency intervals that remain after excluding ``rho(|P22(jw)|) < 1 / margin``.
 
     An empty result proves that no root is ever on the axis at ``w >= 0``, for whatever delays and any gains
@@ -98,7 +99,7 @@ def small_gain_bands(loop: LoopMatrices, margin: float = 1.0) -> Bands:
     return Bands(np.concatenate([c for c, _ in done]), np.concatenate([h for _, h in done]))
 
 
-def frequency_bound(loop: LoopMatrices, margin: float = 1.0) -> float:
+def frequency_bound(loop: CharacteristicMatrix, margin: float = 1.0) -> float:
     """Return a frequency above which ``rho(|P22(jw)|) < 1 / margin``: no root on the axis is above it.
 
     For ``w > ||A||`` it holds that ``|P22(jw)| <= |D| + |C| |B| / (w - ||A||)`` with the norms of rows and
@@ -114,41 +115,7 @@ def frequency_bound(loop: LoopMatrices, margin: float = 1.0) -> float:
     return norm + gap
 
 
-def perron_bound(matrices: FloatArray) -> FloatArray:
-    """Return a rigorous upper bound, close to it, on the spectral radius of non-negative matrices."""
-    if matrices.shape[-1] == 1:
-        return matrices[..., 0, 0]
-    if matrices.shape[-1] == 2:
-        a, b, c, d = matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 0], matrices[..., 1, 1]
-        with np.errstate(invalid="ignore"):
-            return 0.5 * (a + d) + np.sqrt(0.25 * (a - d) ** 2 + b * c)
-    # Collatz and Wielandt: the largest row sum after any diagonal scaling is an upper bound.
-    with np.errstate(all="ignore"):
-        return scaled_row_sums(matrices).max(axis=-1)
-
-
-def scaled_row_sums(X: FloatArray) -> FloatArray:
-    """Return the row sums of non-negative matrices after a diagonal scaling that makes them nearly equal.
-
-    Neither the determinant nor the spectral radius depends on the scaling of the channels.
-    """
-    if X.shape[-1] == 1:
-        return X[:, 0]
-    if X.shape[-1] == 2:
-        # The Perron vector in closed form, as the sum of its two expressions.
-        room = perron_bound(X)
-        x = np.stack([X[..., 0, 1] + (room - X[..., 1, 1]), X[..., 1, 0] + (room - X[..., 0, 0])], axis=-1)
-        x = np.maximum(x, 1e-12 * room[..., None] + 1e-300)
-        x = x / x.max(axis=-1, keepdims=True) + 1e-9
-        return (X @ x[..., None])[..., 0] / x
-    x = np.ones(X.shape[:-1])
-    for _ in range(6):
-        x = (X @ x[..., None])[..., 0] + 1e-2 * x
-        x = x / x.max(axis=-1, keepdims=True) + 1e-9
-    return (X @ x[..., None])[..., 0] / x
-
-
-def off_axis(loop: LoopMatrices) -> tuple[LoopMatrices, float]:
+def off_axis(loop: CharacteristicMatrix) -> tuple[CharacteristicMatrix, float]:
     """Return the loop with K times every channel closed, its poles off the axis, and K."""
     if loop.n_states == 0:
         return loop, 0.0
@@ -161,14 +128,12 @@ def off_axis(loop: LoopMatrices) -> tuple[LoopMatrices, float]:
     if best_clearance > 1e-2:
         return loop, 0.0
     for K in (0.5, -0.5, 0.9, -0.9, 0.2, -0.2):
-        around = np.linalg.inv(np.eye(loop.n_channels) - K * loop.D)
-        closed = LoopMatrices(
-            loop.A + K * loop.B @ around @ loop.C, loop.B @ (np.eye(loop.n_channels) + K * around @ loop.D),
-            around @ loop.C, around @ loop.D,
-        )  # fmt: skip
-        room = clearance(closed.A)
+        n, whole = loop.n_states, loop.plant.matrix
+        M = closed(whole, K * whole[:, n:], whole[n:], K * loop.D)
+        moved = CharacteristicMatrix(M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:], loop.delays)
+        room = clearance(moved.A)
         if room > best_clearance:
-            best, best_clearance, best_K = closed, room, K
+            best, best_clearance, best_K = moved, room, K
         if room > 3e-2:
             break
     return best, best_K

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
-from susp_ctrl.delay_systems.model.folding import FoldedLoop
+from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths
 from susp_ctrl.delay_systems.model.lft import FloatArray
 
 
@@ -127,16 +127,10 @@ def tail_bound(loop: FoldedLoop) -> TailBound:
     Beyond ``rho = ||A + B2 E (I - E D22)^-1 C2||`` the state follows as ``1/(omega - rho)``.
     """
     plant, _ = loop
-    m = plant.n_channels
-    D22 = np.abs(plant.D22)
-    # no direct path leads around the loop, so that the powers of D22 end; signs of paths that cancel can hide a
-    # cycle from the test of the class but not from this sum
-    around, power = np.eye(m), np.eye(m)
-    for _ in range(m):
-        power = power @ D22
-        around = around + power
-    if np.any(power @ D22 > 0.0):
+    # signs of paths that cancel can hide a cycle from the test of the class but not from the sum of their sizes
+    if np.any(np.linalg.matrix_power(np.abs(plant.D22), plant.n_channels) > 0.0) and plant.n_channels:
         return TailBound(np.inf, np.inf, np.inf, np.inf)
+    around = direct_paths(plant.D22)
     scale = _state_scale(plant.A, plant.B2, plant.C2)
     A, B1, B2 = (np.abs(x) / scale[:, None] for x in (plant.A * scale, plant.B1, plant.B2))
     C1, C2 = np.abs(plant.C1) * scale, np.abs(plant.C2) * scale

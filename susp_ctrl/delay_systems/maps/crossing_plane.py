@@ -31,9 +31,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from susp_ctrl.delay_systems.crossings.delay_line import LoopMatrices
 from susp_ctrl.delay_systems.crossings.torus import bilinear_coefficients, torus_excess, torus_solutions
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization, sample_plant
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class CrossingPlane:
     not free; `other_delays` belongs to all channels.
     """
 
-    loop: LoopMatrices
+    loop: CharacteristicMatrix
     owner: np.ndarray
     delays: tuple[float, float]
     other_delays: FloatArray
@@ -106,7 +106,7 @@ class CrossingPlane:
 
     def coefficients(self, omega: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Return ``p0, p1, p2, p12`` with all other channels closed, scaled to size one, and ``|P12 P21|``."""
-        P = loop_samples(self.loop, omega)
+        P = self.loop.response(omega)
         P = P * np.exp(-1j * omega[:, None, None] * np.where(self.owner < 0, self.other_delays, 0.0))
         others = self.owner < 0
         scale = np.ones(omega.size, dtype=complex)
@@ -208,13 +208,3 @@ class CrossingPlane:
         side = np.sign((f1.conj() * f2).imag)
         first_is_x = self.x.is_delay == self.y.is_delay or not self.x.is_delay
         return Points(u, v, side) if first_is_x else Points(v, u, -side)
-
-
-def loop_samples(loop: LoopMatrices, omega: FloatArray) -> ComplexArray:
-    """Return P22(jw), shape (frequencies, channels, channels)."""
-    n, m = loop.n_states, loop.n_channels
-    plant = Realization(
-        loop.A, np.zeros((n, 0)), loop.B, np.zeros((0, n)), loop.C,
-        np.zeros((0, 0)), np.zeros((0, m)), np.zeros((m, 0)), loop.D,
-    )  # fmt: skip
-    return sample_plant(plant, 1j * omega).p22

@@ -10,10 +10,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from susp_ctrl.delay_systems.crossings.delay_line import LoopMatrices
 from susp_ctrl.delay_systems.crossings.small_gain import Bands, small_gain_bands
 from susp_ctrl.delay_systems.maps.crossing_plane import Axis, CrossingPlane
 from susp_ctrl.delay_systems.maps.segments import Segments
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.lft import FloatArray
 
 # Largest distance of a chord from the curve, relative to the ranges, and rounds of halving to get there.
@@ -21,7 +21,7 @@ _CHORD = 2e-5
 _ROUNDS = 9
 
 
-def trace_curves(plane: CrossingPlane, strongest: LoopMatrices) -> Segments:
+def trace_curves(plane: CrossingPlane, strongest: CharacteristicMatrix) -> Segments:
     """Return the crossing curves of a plane as oriented segments.
 
     `strongest` is the loop with the largest gains of the plane: where it has small gain there is no curve.
@@ -343,8 +343,4 @@ def _characteristic(plane: CrossingPlane, s: complex, x: FloatArray, y: FloatArr
         target[:, plane.owner == axis.channel] = values[:, None]
     E = gains * np.exp(-s * delays)
     loop = plane.loop
-    n, m = loop.n_states, loop.n_channels
-    inner = np.linalg.solve(
-        np.eye(m) - loop.D * E[:, None, :], np.broadcast_to(loop.C, (x.size, m, n)).astype(complex)
-    )
-    return np.linalg.det(s * np.eye(n) - loop.A - (loop.B * E[:, None, :]) @ inner)
+    return np.linalg.det(s * np.eye(loop.n_states) - loop.closed(E))

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from susp_ctrl.delay_systems.crossings.delay_line import LoopMatrices
 from susp_ctrl.delay_systems.crossings.small_gain import small_gain_bands
-from susp_ctrl.delay_systems.maps.crossing_plane import Axis, loop_samples
+from susp_ctrl.delay_systems.maps.crossing_plane import Axis
 from susp_ctrl.delay_systems.maps.segments import Segments
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
 
 _ANGLES = 192
@@ -28,12 +28,12 @@ _ROUNDS = 6
 class _Blocks:
     """The loop at (frequency, angle) points: eigenvalues, and the exact point on an edge."""
 
-    def __init__(self, loop: LoopMatrices, owner: np.ndarray, delays: FloatArray) -> None:
+    def __init__(self, loop: CharacteristicMatrix, owner: np.ndarray, delays: FloatArray) -> None:
         self.loop, self.owner, self.delays = loop, owner, delays
 
     def eigenvalues(self, omega: FloatArray, theta: FloatArray) -> ComplexArray:
         """Return the mu_i, shape (points, width of the second block)."""
-        P = loop_samples(self.loop, omega)
+        P = self.loop.response(omega)
         phase = np.where(self.owner == 0, theta[:, None], omega[:, None] * self.delays * (self.owner < 0))
         PE = P * np.exp(-1j * phase)[:, None, :]
         second = self.owner == 1
@@ -51,7 +51,7 @@ class _Blocks:
 
 
 def trace_blocks(
-    loop: LoopMatrices, owner: np.ndarray, delays: FloatArray, x: Axis, y: Axis, fineness: int = 1
+    loop: CharacteristicMatrix, owner: np.ndarray, delays: FloatArray, x: Axis, y: Axis, fineness: int = 1
 ) -> Segments:
     """Return the crossing curves over the first (`owner` 0) and the second delay (`owner` 1).
 
@@ -234,7 +234,7 @@ def _tangent(blocks: _Blocks, points: FloatArray) -> FloatArray:
 
 def _function(blocks: _Blocks, points: FloatArray) -> tuple[FloatArray, ComplexArray]:
     """Return the smallest singular value of ``I - P E``, which is real, and its derivatives as of u* (I - P E) v."""
-    P = loop_samples(blocks.loop, points[:, 0])
+    P = blocks.loop.response(points[:, 0])
     n, m = blocks.loop.n_states, blocks.loop.n_channels
     owner, fixed = blocks.owner, np.where(blocks.owner < 0, blocks.delays, 0.0)
     phase = np.where(owner == 0, points[:, 1:2], np.where(owner == 1, points[:, 2:3], points[:, :1] * fixed))

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.crossings.delay_line import LoopMatrices, delay_line, roots_always_on_axis
+from susp_ctrl.delay_systems.crossings.delay_line import delay_line, roots_always_on_axis
 from susp_ctrl.delay_systems.crossings.frequency_sweep import sweep_delays
 from susp_ctrl.delay_systems.maps.crossing_plane import Axis, CrossingPlane
 from susp_ctrl.delay_systems.maps.curves import trace_curves
@@ -34,6 +34,7 @@ from susp_ctrl.delay_systems.maps.regions import Raster, map_regions
 from susp_ctrl.delay_systems.maps.segments import Segments
 from susp_ctrl.delay_systems.maps.shared_delays import trace_blocks
 from susp_ctrl.delay_systems.maps.stability_chart import StabilityMap
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import count_unstable_roots
@@ -245,7 +246,7 @@ class _Problem:
         block = np.where(owner == self.numbers[0], 0, np.where(owner == self.numbers[1], 1, -1))
         return trace_blocks(loop, block, delays, self.x, self.y, fineness)
 
-    def _loop(self, gains: FloatArray) -> tuple[LoopMatrices, np.ndarray, FloatArray]:
+    def _loop(self, gains: FloatArray) -> tuple[CharacteristicMatrix, np.ndarray, FloatArray]:
         """Return the loop's channels, which delay each belongs to, and those delays."""
         n = self.system.delays.size
         system = self.system.with_gains(gains).with_delays(np.ones(n))

@@ -22,8 +22,17 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from susp_ctrl.delay_systems.model.lft import FloatArray
-from susp_ctrl.delay_systems.model.system import FoldedLoop
+from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths
+from susp_ctrl.delay_systems.model.lft import (
+    ComplexArray,
+    FloatArray,
+    Realization,
+    closed,
+    return_solve,
+    sample_plant,
+)
+from susp_ctrl.delay_systems.model.perron import certified_radius
+from susp_ctrl.delay_systems.model.rounding import eigenvalues_with_uncertainty
 from susp_ctrl.errors import InputError
 
 Points = NDArray[np.complexfloating[Any, Any]]
@@ -34,7 +43,10 @@ _LARGEST_EXPONENT = 300.0
 
 @dataclass(frozen=True, eq=False)
 class CharacteristicMatrix:
-    """K(s) of a folded loop, with bounds that hold entry by entry."""
+    """The loop seen from its delayed signals, ``x' = A x + B w, z = C x + D w``, and K(s) with bounds entry by entry.
+
+    States and signals are scaled to even magnitudes by powers of two, gains are absorbed.
+    """
 
     A: FloatArray
     B: FloatArray
@@ -44,19 +56,22 @@ class CharacteristicMatrix:
 
     @classmethod
     def of(cls, loop: FoldedLoop) -> CharacteristicMatrix:
-        """Take K(s) from a folded loop: states scaled to even magnitudes, signals that lead nowhere dropped.
+        """Take K(s) from a folded loop: everything scaled to even magnitudes, signals that lead nowhere dropped.
 
         A delayed signal that no path leads back to is in no loop and moves no root.
         """
-        plant = loop.plant
-        if plant.n_states == 0:
-            none = np.zeros((0, 0))
-            return cls(plant.A, none, none, none, np.zeros(0))
-        looped = _in_a_loop(plant.A, plant.B2, plant.C2, plant.D22)
-        B, C, D = plant.B2[:, looped], plant.C2[looped], plant.D22[np.ix_(looped, looped)]
-        magnitudes = np.abs(plant.A) + np.abs(B) @ np.abs(C)
-        _, (scale, _) = scipy.linalg.matrix_balance(magnitudes, permute=False, separate=True)
-        return cls(plant.A * scale / scale[:, None], B / scale[:, None], C * scale, D, loop.delays[looped])
+        plant, tau = loop
+        n = plant.n_states
+        A, B, C, D = plant.A, plant.B2, plant.C2, plant.D22
+        looped = _in_a_loop(np.block([[A, B], [C, D]]), n) if n else np.zeros(0, dtype=int)
+        B, C, D = B[:, looped], C[looped], D[np.ix_(looped, looped)]
+        if n:
+            magnitudes = np.abs(A) + np.abs(B) @ np.abs(C)
+            _, (scale, _) = scipy.linalg.matrix_balance(magnitudes, permute=False, separate=True)
+            A, B, C = A * scale / scale[:, None], B / scale[:, None], C * scale
+        into, out = np.linalg.norm(np.vstack([B, D]), axis=0), np.linalg.norm(np.hstack([C, D]), axis=1)
+        unit = np.exp2(np.rint(0.5 * np.log2(out / into)))
+        return cls(A, B * unit, C / unit[:, None], D * unit / unit[:, None], tau[looped])
 
     @property
     def n_states(self) -> int:
@@ -66,7 +81,29 @@ class CharacteristicMatrix:
     @property
     def n_channels(self) -> int:
         """Number of delayed signals."""
-        return self.delays.size
+        return self.D.shape[0]
+
+    @cached_property
+    def plant(self) -> Realization:
+        """The same as a plant that has delayed signals only."""
+        return Realization.between_channels(self.A, self.B, self.C, self.D)
+
+    def response(self, omega: FloatArray) -> ComplexArray:
+        """Return ``P22(jw) = D + C (jw - A)^-1 B``, shape (frequencies, channels, channels)."""
+        return sample_plant(self.plant, 1j * omega).p22
+
+    def closed(self, E: NDArray[Any]) -> NDArray[Any]:
+        """Return ``A + B E (I - D E)^-1 C`` for `E` of shape (..., channels): shape (..., states, states)."""
+        return closed(self.A, self.B * E[..., None, :], self.C, self._around(E))
+
+    def undelayed_eigenvalues(self) -> tuple[ComplexArray, FloatArray]:
+        """Return the eigenvalues with every channel closed without delay, and how far rounding may move each."""
+        one = np.eye(self.n_channels)
+        terms = np.abs(self.A) + np.abs(self.B) @ np.abs(np.linalg.inv(one - self.D)) @ np.abs(self.C)
+        return eigenvalues_with_uncertainty(self.closed(np.ones(self.n_channels)), terms)
+
+    def _around(self, E: NDArray[Any]) -> NDArray[Any]:
+        return self.D * E[..., None, :] if np.any(self.D) else self.D
 
     def shifted(self, line: float) -> CharacteristicMatrix:
         """Return K(s + line): roots right of `line` become roots in the right half plane."""
@@ -83,52 +120,33 @@ class CharacteristicMatrix:
             self.A - line * np.eye(self.n_states), self.B * growth, self.C, self.D * growth, self.delays
         )
 
-    def closed(self, s: Points) -> Points:
-        """Return ``A + B2 E (I - D22 E)^-1 C2`` at points s, shape (points, states, states)."""
-        E = np.exp(-np.asarray(s, dtype=complex)[:, None] * self.delays)
-        return self.A + (self.B * E[:, None, :]) @ self._after_line(E)
+    def exponentials(self, s: Points) -> Points:
+        """Return ``e^{-s tau_k}``, shape (points, channels)."""
+        return np.exp(-np.asarray(s, dtype=complex)[:, None] * self.delays)
 
     def __call__(self, s: Points) -> Points:
         """Return K at points s, shape (points, states, states)."""
-        return np.asarray(s, dtype=complex)[:, None, None] * np.eye(self.n_states) - self.closed(s)
+        E = self.exponentials(s)
+        return np.asarray(s, dtype=complex)[:, None, None] * np.eye(self.n_states) - self.closed(E)
 
     def with_derivative(self, s: Points) -> tuple[Points, Points]:
         """Return K and dK/ds at points s."""
-        points = np.asarray(s, dtype=complex)
-        E = np.exp(-points[:, None] * self.delays)
-        from_state = self._after_line(E)
+        E = self.exponentials(s)
+        from_state = return_solve(self._around(E), self.C)
         into_state: Any = self.B * E[:, None, :]
         identity = np.eye(self.n_states)
-        K = points[:, None, None] * identity - self.A - into_state @ from_state
+        K = np.asarray(s, dtype=complex)[:, None, None] * identity - self.A - into_state @ from_state
         if np.any(self.D):
             # B (I - E D)^-1, solved through the transposed system
-            around = np.eye(self.n_channels) - self.D.T * E[:, None, :]
-            passed = np.linalg.solve(around, np.broadcast_to(self.B.T, (points.size, *self.B.T.shape)))
-            into_state = np.swapaxes(passed, 1, 2) * E[:, None, :]
+            passed = return_solve(self.D.T * E[:, None, :], self.B.T)
+            into_state = np.swapaxes(passed, -2, -1) * E[:, None, :]
         return K, identity + (into_state * self.delays) @ from_state
-
-    def _after_line(self, E: Points) -> Points:
-        """(I - D22 E)^-1 C2: from the state to the signals that enter the delays."""
-        if not np.any(self.D):
-            return np.broadcast_to(self.C.astype(complex), (E.shape[0], *self.C.shape))
-        around = np.eye(self.n_channels) - self.D * E[:, None, :]
-        return np.linalg.solve(around, np.broadcast_to(self.C, (E.shape[0], *self.C.shape)))
 
     @cached_property
     def absolute_parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """``|A|``, ``|B2| Q`` and ``Q |C2|`` with ``Q = (I - |D22|)^-1 >= |(I - D22 E)^-1|`` for all |E| <= 1."""
-        Q = self._direct_series
+        Q = direct_paths(self.D)
         return np.abs(self.A), np.abs(self.B) @ Q, Q @ np.abs(self.C)
-
-    @cached_property
-    def _direct_series(self) -> FloatArray:
-        """``(I - |D22|)^-1``: all direct paths from one delayed signal to another."""
-        Q = np.eye(self.n_channels)
-        power = np.abs(self.D)
-        for _ in range(self.n_channels - 1):  # nilpotent: the series ends
-            Q = Q + power
-            power = power @ np.abs(self.D)
-        return Q
 
     @cached_property
     def right_reach(self) -> float:
@@ -143,7 +161,7 @@ class CharacteristicMatrix:
             return largest
         T, U = scipy.linalg.schur(self.A, output="complex")
         poles, off = np.diag(T), np.abs(np.triu(T, 1))
-        Q = self._direct_series
+        Q = direct_paths(self.D)
         into, out = np.abs(U.conj().T @ self.B) @ Q, np.abs(self.C @ U)
         beyond, within = largest, 0.0
         # to a tenth; the bound is monotone in the radius
@@ -169,10 +187,10 @@ class CharacteristicMatrix:
             return 0.0
         A, _, C = self.absolute_parts
         T, U = scipy.linalg.schur(self.A, output="complex")
-        Q = np.linalg.solve(np.eye(self.n_channels) - np.abs(self.D), np.eye(self.n_channels))
+        Q = direct_paths(self.D)
         in_schur_basis = np.abs(np.triu(T)) + np.abs(U.conj().T @ self.B) @ Q @ np.abs(self.C @ U)
         given = A + np.abs(self.B) @ C
-        return min(_spectral_radius_bound(given), _spectral_radius_bound(in_schur_basis))
+        return min(certified_radius(given), certified_radius(in_schur_basis))
 
 
 def _distance_to_far_right(poles: Points, radius: float) -> FloatArray:
@@ -185,25 +203,11 @@ def _distance_to_far_right(poles: Points, radius: float) -> FloatArray:
     return np.where(poles.real <= 0.0, beside, inside)
 
 
-def _in_a_loop(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray) -> np.ndarray:
-    """Tell which delayed signals a chain of non-zero entries leads back to."""
-    reach = np.block([[A, B], [C, D]]) != 0.0
+def _in_a_loop(connections: FloatArray, states: int) -> np.ndarray:
+    """Return the delayed signals that a chain of non-zero entries of ``[[A, B], [C, D]]`` leads back to."""
+    reach = connections != 0.0
     size = 1
     while size < reach.shape[0]:
         reach = reach | (reach.astype(np.float32) @ reach.astype(np.float32) > 0.0)
         size *= 2
-    return np.asarray(np.diag(reach)[A.shape[0] :])
-
-
-def _spectral_radius_bound(M: FloatArray) -> float:
-    """Return a number not below the spectral radius of a non-negative matrix, within about one percent of it."""
-    n = M.shape[0]
-    candidate = 1.01 * float(np.max(np.abs(np.linalg.eigvals(M)))) + 1e-6 * float(np.linalg.norm(M) / n)
-    if candidate == 0.0:
-        return 0.0
-    while True:
-        # x > 0 with M x < candidate x certifies the bound (Collatz and Wielandt)
-        x = np.linalg.solve(candidate * np.eye(n) - M, np.ones(n))
-        if np.all(x > 0) and np.all(M @ x < candidate * x):
-            return candidate
-        candidate *= 1.1
+    return np.flatnonzero(np.diag(reach)[states:])

@@ -90,3 +90,16 @@ def _feeds_around(D: FloatArray) -> bool:
     determinant = np.linalg.det(np.eye(channels) - even * np.exp(1j * phases)[:, None, :])
     size = np.linalg.det(np.eye(channels) + np.abs(even)) if channels < 12 else 1.0 + np.abs(even).sum()
     return bool(np.any(np.abs(determinant - 1.0) > 1e-12 * max(1.0, abs(size))))
+
+
+def direct_paths(D22: FloatArray) -> FloatArray:
+    """Return ``(I - |D22|)^-1``, all direct paths from one delayed signal to another: a series that ends.
+
+    It bounds ``(I - D22 E)^-1`` entry by entry for all ``|E| <= 1``.
+    """
+    power = np.abs(D22)
+    total = np.eye(D22.shape[0]) + power
+    for _ in range(D22.shape[0] - 2):  # nilpotent: no direct path leads around the loop
+        power = power @ np.abs(D22)
+        total = total + power
+    return total

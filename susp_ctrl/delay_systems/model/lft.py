@@ -51,6 +51,8 @@ def closed(m11: NDArray[Any], m12: NDArray[Any], m21: NDArray[Any], m22: NDArray
 def return_solve(m22: NDArray[Any], right_side: NDArray[Any]) -> NDArray[Any]:
     """Solve ``(I - M22) X = right_side``; one and two signals in closed form, not finite where singular."""
     signals = m22.shape[-1]
+    if m22.ndim == 2 and not np.any(m22):
+        return right_side
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         if signals == 1:
             return right_side / (1.0 - m22)

@@ -27,6 +27,7 @@ import numpy as np
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix, Points
 from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.delay_systems.model.perron import perron_bound
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
@@ -149,7 +150,7 @@ def count_right_of(K: CharacteristicMatrix, line: float = 0.0, most_points: int 
     # any positive number will do where all roots are at zero
     top = moved.root_bound or 1.0
     corner = np.array([1j * top])
-    outer_phase = float(np.angle(1.0 - np.linalg.eigvals(moved.closed(corner))[0] / corner).sum())
+    outer_phase = float(np.angle(1.0 - np.linalg.eigvals(moved.closed(moved.exponentials(corner)))[0] / corner).sum())
     turns = K.n_states / 2.0 + (outer_phase - _phase_along_axis(moved, top, most_points)) / np.pi
     count = round(turns)
     if abs(turns - count) > 1e-3 or count < 0:
@@ -214,11 +215,11 @@ def _radius(K: CharacteristicMatrix, lower: FloatArray, upper: FloatArray, top: 
     entries = _ENTRY_UNCERTAINTY * (middle[:, None, None] * identity + absolute_A)
     rounding = inverse @ (entries + (into * uncertain[:, None, :]) @ out)
     X = inverse @ (half[:, None, None] * identity + (into * phase_change[:, None, :]) @ out) + rounding
-    limit = _collatz(rounding)
+    limit = perron_bound(rounding)
     if np.any(limit > 0.5 * _RADIUS):
         worst = int(np.argmax(limit))
         raise ContourError(float(middle[worst]), _on_the_line(middle[worst]))
-    radius = _collatz(X)
+    radius = perron_bound(X)
     _refuse_narrow(middle[radius > _RADIUS], half[radius > _RADIUS], top)
     small = np.flatnonzero(radius <= _RADIUS)
     if small.size:
@@ -235,15 +236,3 @@ def _refuse_narrow(middle: FloatArray, half: FloatArray, top: float) -> None:
 
 def _on_the_line(omega: float) -> str:
     return f"a root lies on the line near {omega:.6g} rad/s, as far as rounding lets one tell"
-
-
-def _collatz(X: FloatArray) -> FloatArray:
-    """Upper bound of the spectral radius of non-negative matrices: max (X v)/v for any v > 0."""
-    v = np.ones((*X.shape[:-1], 1))
-    bound = X.sum(axis=-1).max(axis=-1)
-    for _ in range(5):
-        image = X @ v
-        bound = np.minimum(bound, np.max(image / v, axis=(-2, -1)))
-        # the share added keeps v positive; it is tiny because a defective root needs very uneven v
-        v = image / np.maximum(image.max(axis=-2, keepdims=True), 1e-300) + 1e-30
-    return bound

@@ -334,10 +334,8 @@ def _delays_move_roots(K: CharacteristicMatrix) -> bool:
     size = (float(np.linalg.norm(A)) or 1.0) / through_delays
     s = 2.0 * float(np.linalg.norm(A) or 1.0) * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, 6))
     E = size * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, (6, K.n_channels)))
-    around = np.eye(K.n_channels) - K.D * E[:, None, :]
-    from_state = np.linalg.solve(around, np.broadcast_to(K.C, (6, *K.C.shape)))
     undelayed = s[:, None, None] * np.eye(K.n_states) - K.A
-    returned = np.linalg.solve(undelayed, (K.B * E[:, None, :]) @ from_state)
+    returned = np.linalg.solve(undelayed, K.closed(E) - K.A)
     return bool(np.any(np.abs(np.linalg.det(np.eye(K.n_states) - returned) - 1.0) > 1e-10))
 
 
@@ -352,5 +350,4 @@ def _without_delay(K: CharacteristicMatrix, count: int) -> RootSet:
     if found.roots.size != K.n_states:
         error = eigenvalue_uncertainty(bare, upper)
         found = _all_of(RefinedRoots(upper, np.zeros(upper.size), error), K.n_states)
-    end = found.roots.size if count >= found.roots.size else count + int(found.roots[count - 1].imag > 0.0)
-    return found.first(end)._replace(complete=True)
+    return found.first(pairs_whole(found, count))._replace(complete=True)

@@ -183,15 +183,8 @@ def _motion_beside(K: CharacteristicMatrix, s: ComplexArray, offset: FloatArray)
 
 def _magnitudes(K: CharacteristicMatrix, s: ComplexArray) -> FloatArray:
     growth = np.exp(-s.real[:, None] * K.delays) * (1.0 + np.abs(s[:, None]) * K.delays)
-    through = np.abs(K.C)
-    if np.any(K.D):
-        around = np.eye(K.n_channels) - np.abs(K.D) * growth[:, None, :]
-        through = np.linalg.solve(around, np.broadcast_to(through, (s.size, *through.shape)))
-    return (
-        np.abs(s)[:, None, None] * np.eye(K.n_states)
-        + np.abs(K.A)
-        + (np.abs(K.B) * growth[:, None, :]) @ through
-    )
+    sizes = CharacteristicMatrix(np.abs(K.A), np.abs(K.B), np.abs(K.C), np.abs(K.D), K.delays)
+    return np.abs(s)[:, None, None] * np.eye(K.n_states) + sizes.closed(growth)
 
 
 def _groups(points: ComplexArray, reach: FloatArray) -> list[np.ndarray]:
