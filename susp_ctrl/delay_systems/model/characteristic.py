@@ -62,16 +62,14 @@ class CharacteristicMatrix:
         """
         plant, tau = loop
         n = plant.n_states
-        A, B, C, D = plant.A, plant.B2, plant.C2, plant.D22
-        looped = _in_a_loop(np.block([[A, B], [C, D]]), n) if n else np.zeros(0, dtype=int)
-        B, C, D = B[:, looped], C[looped], D[np.ix_(looped, looped)]
+        whole = np.block([[plant.A, plant.B2], [plant.C2, plant.D22]])
+        kept = np.append(np.arange(n), n + _in_a_loop(whole, n)) if n else np.zeros(0, dtype=int)
+        whole = whole[np.ix_(kept, kept)]
         if n:
-            magnitudes = np.abs(A) + np.abs(B) @ np.abs(C)
-            _, (scale, _) = scipy.linalg.matrix_balance(magnitudes, permute=False, separate=True)
-            A, B, C = A * scale / scale[:, None], B / scale[:, None], C * scale
-        into, out = np.linalg.norm(np.vstack([B, D]), axis=0), np.linalg.norm(np.hstack([C, D]), axis=1)
-        unit = np.exp2(np.rint(0.5 * np.log2(out / into)))
-        return cls(A, B * unit, C / unit[:, None], D * unit / unit[:, None], tau[looped])
+            # all channels closed with weight one: pattern and size of the whole loop decide the scaling
+            _, (scale, _) = scipy.linalg.matrix_balance(whole, permute=False, separate=True)
+            whole = whole / scale[:, None] * scale
+        return cls(whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:], tau[kept[n:] - n])
 
     @property
     def n_states(self) -> int:
