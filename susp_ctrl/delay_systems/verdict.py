@@ -4,7 +4,8 @@ r"""The stability verdict: three methods, one answer, or none.
 * *argument principle*: the phase of the characteristic determinant along the imaginary axis counts them without
   computing any (`susp_ctrl.delay_systems.roots.argument_principle`);
 * *sweep*: starting from the loop without delay, all delays grow in proportion to their full size and every
-  crossing of the imaginary axis is followed (`susp_ctrl.delay_systems.crossings.frequency_sweep`).
+  crossing of the imaginary axis is followed; the crossings are found without asking the other two
+  (`susp_ctrl.delay_systems.crossings.crossing_search`).
 
 A loop is called stable or unstable only if the methods agree, and stable only if the argument principle also
 counts, right of a line just left of the rightmost root, as many roots as were found there: no unstable root found is
@@ -22,7 +23,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from susp_ctrl.delay_systems.crossings.frequency_sweep import sweep_delays
+from susp_ctrl.delay_systems.crossings.crossing_search import CrossingSearch
+from susp_ctrl.delay_systems.crossings.delay_line import delay_line
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.lft import ComplexArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
@@ -142,7 +144,7 @@ def _decide(system: DelaySystem) -> StabilityVerdict:
         return _verdict(True, 0, agreement, "the system has no state and no roots", nothing)
     agreement[ARGUMENT] = counted = _count(K, 0.0)
     if K.n_channels:
-        agreement[SWEEP] = _count_by_sweep(system)
+        agreement[SWEEP] = _count_by_sweep(system, counted)
     if counted is not None and counted > _MOST_COMPUTED:
         found = rightmost_roots(K, 8)
         agreement[ROOTS] = int(np.sum(found.roots.real > 0.0))
@@ -202,7 +204,7 @@ def _without_agreement(
     """Unstable where every method finds unstable roots, so many that not all can be computed; else undecided."""
     known = is_complete(K, found, 1)
     answers = {n for n in agreement.values() if n is not None}
-    if all(answers) and len(answers) > 1 and agreement[ARGUMENT] is not None:
+    if all(n > 0 for n in answers) and len(answers) > 1 and agreement[ARGUMENT] is not None:
         counts = [agreement[name] for name in (ARGUMENT, SWEEP) if agreement.get(name) is not None]
         number = counts[0] if len(counts) == 2 and counts[0] == counts[1] else None
         told = ", ".join(f"{name} {n}" for name, n in agreement.items() if n is not None)
@@ -250,18 +252,30 @@ def _count(K: CharacteristicMatrix, line: float) -> int | None:
         return None
 
 
-def _count_by_sweep(system: DelaySystem) -> int | None:
-    """Unstable roots without delay plus all that cross until the delays are full; None if not proven."""
-    undelayed = np.zeros(system.delays.size)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UndecidedStabilityWarning)
-        sweep = sweep_delays(system, direction=system.delays, start=undelayed, up_to=1.0)
-    if not sweep.proven or sweep.axis_roots:
+def _count_by_sweep(system: DelaySystem, expected: int | None) -> int | None:
+    """Unstable roots without delay plus all that cross until the delays are full; None if not proven.
+
+    The crossings come from a search that asks neither roots nor counts. Where the first way of finding contradicts
+    `expected` the others are asked as well; if they contradict each other the sweep cannot tell.
+    """
+    line = delay_line(system, system.delays, np.zeros(system.delays.size), 1.0)
+    search = CrossingSearch(line)
+    poles, uncertain = line.matrices.undelayed_eigenvalues()
+    if search.axis_roots or np.any(np.abs(poles.real) <= np.maximum(uncertain, 1e-9 * np.abs(poles))):
         return None
-    tau, tendency = (sweep.crossings[name].to_numpy() for name in ("tau", "tendency"))
-    at_an_end = np.minimum(tau, 1.0 - tau) < 1e-9
-    poles = np.linalg.eigvals(system.with_delays(undelayed).folded.plant.A)
-    if np.any(at_an_end) or np.any(np.abs(poles.real) <= 1e-9 * np.abs(poles).max()):
-        return None
-    # roots that cross come in pairs: one on the axis at s = 0 would be there for all delays
-    return int(np.sum(poles.real > 0.0)) + 2 * int(np.sum(tendency))
+    unstable = int(np.sum(poles.real > 0.0))
+    answer = None
+    for way in search.ways():
+        found = way()
+        if not found.complete or np.any(np.minimum(found.tau, 1.0 - found.tau) < 1e-9):
+            continue
+        # roots that cross come in pairs: one on the axis at s = 0 would be there for all delays
+        running = unstable + 2 * np.cumsum(np.append(0, found.degree[np.argsort(found.tau)]))
+        # no number of roots is negative: tendencies that lead there contradict any count
+        number = int(running[-1]) if running.min() >= 0 else int(running.min())
+        if answer not in (None, number):
+            return None
+        answer = number
+        if answer == expected:
+            break
+    return answer

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 
 import susp_ctrl as sc
 from susp_ctrl.delay_systems import verdict as verdict_module
+from susp_ctrl.delay_systems.crossings.crossing_search import CrossingSearch
 from susp_ctrl.delay_systems.roots import rightmost as roots_module
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
@@ -112,6 +114,32 @@ def test_without_delays_and_without_states():
     bare = sc.stability(sc.delay(0.5))
     assert bare.stable is True
     assert bare.abscissa == -np.inf
+
+
+def out_and_in(delay):
+    """x'' + 0.1 x' + x = -0.5 x(t - delay): loses its stability as the delay grows, and regains it."""
+    A = [[[0.0, 1.0], [-1.0, -0.1]], [[0.0, 0.0], [-0.5, 0.0]]]
+    return sc.DelayLTI.from_state_delays(A, [delay])
+
+
+@pytest.mark.parametrize("delay", [2.0, 5.0, 8.0])
+def test_the_sweep_can_dissent(monkeypatch, delay):
+    """With every tendency flipped the verdict is undecided and names the sweep: it is a witness of its own."""
+    loop = out_and_in(delay)
+    honest = sc.stability(loop)
+    assert honest.stable is not None
+    assert honest.agreement["sweep"] == honest.unstable_roots
+    ways = CrossingSearch.ways
+
+    def flipped(search):
+        return [lambda way=way: replace(found := way(), degree=-found.degree) for way in ways(search)]
+
+    monkeypatch.setattr(CrossingSearch, "ways", flipped)
+    with pytest.warns(UndecidedStabilityWarning, match="sweep"):
+        verdict = sc.stability(loop)
+    assert verdict.stable is None
+    assert verdict.agreement["sweep"] != honest.unstable_roots
+    assert f"sweep {verdict.agreement['sweep']}" in verdict.reason
 
 
 @pytest.mark.parametrize("method", ["_count", "_count_by_sweep"])

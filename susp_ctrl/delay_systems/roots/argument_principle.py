@@ -150,7 +150,9 @@ def count_right_of(K: CharacteristicMatrix, line: float = 0.0, most_points: int 
     # any positive number will do where all roots are at zero
     top = moved.root_bound or 1.0
     corner = np.array([1j * top])
-    outer_phase = float(np.angle(1.0 - np.linalg.eigvals(moved.closed(moved.exponentials(corner)))[0] / corner).sum())
+    outer_phase = float(
+        np.angle(1.0 - np.linalg.eigvals(moved.closed(moved.exponentials(corner)))[0] / corner).sum()
+    )
     turns = K.n_states / 2.0 + (outer_phase - _phase_along_axis(moved, top, most_points)) / np.pi
     count = round(turns)
     if abs(turns - count) > 1e-3 or count < 0:

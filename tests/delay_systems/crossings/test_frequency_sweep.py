@@ -13,6 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import susp_ctrl as sc
+from susp_ctrl.delay_systems.crossings.crossing_search import CrossingSearch
+from susp_ctrl.delay_systems.crossings.delay_line import delay_line
 from susp_ctrl.errors import InputError, NeutralLoopError
 
 DESIGNS = {
@@ -323,15 +325,13 @@ def test_strong_half_car_loops_agree_with_counts(g1, g2, line):
 @pytest.mark.property
 def test_ways_of_finding_agree():
     """Exact pencil, search over one turn, and search over the delay give the same crossings."""
-    from susp_ctrl.delay_systems.crossings.frequency_sweep import _Sweep
-
     for name, end in (
         ("ctcr_olgac_sipahi", 1.0),
         ("delayed_oscillator_gkc_p193", 9.5),
         ("nep_dep_double", 3.2),
     ):
-        job = _Sweep(system(name), np.ones(1), np.zeros(1), end)
-        found = [way() for way in job._ways()]
+        search = CrossingSearch(delay_line(system(name), np.ones(1), np.zeros(1), end))
+        found = [way() for way in search.ways()]
         assert len(found) == 3
         for other in found[1:]:
             assert other.complete
