@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import collocation
 import numpy as np
 import pytest
 from half_car_loops import DELAYS, GAINS, LAG, half_car_loop, relative, road_inputs
@@ -43,7 +44,7 @@ def plant_matrices():
 
 @pytest.fixture(scope="module")
 def reference():
-    return sc.simulate(half_car_loop(), T, road_inputs(), method="reference").states
+    return collocation.simulate(half_car_loop(), T, road_inputs()).states
 
 
 @pytest.fixture(scope="module")

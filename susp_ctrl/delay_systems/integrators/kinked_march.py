@@ -17,9 +17,10 @@ import numpy as np
 
 from susp_ctrl.delay_systems.integrators.cells import PlantCoordinates, gauss_rule
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs
+from susp_ctrl.delay_systems.integrators.kinks import MANY_KNOTS
 from susp_ctrl.delay_systems.integrators.trajectory import Run
 from susp_ctrl.delay_systems.integrators.uniform_cells import UniformCells
-from susp_ctrl.delay_systems.integrators.uniform_march import UniformMarch
+from susp_ctrl.delay_systems.integrators.uniform_march import TooCoarseError, UniformMarch
 from susp_ctrl.delay_systems.model.folding import FoldedLoop
 from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
 
@@ -31,17 +32,34 @@ _MOST_DECAY = 4.0  # of a mode over a cell: its inverse multiplies rounding
 _MOST_CELLS = 64  # for each kink
 
 
-def run_kinked(
-    loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start: float, rtol: float
-) -> Run | None:
-    """Simulate from rest; None where the cells of this method do not suit.
+def share(inputs: Sequence[Inputs]) -> tuple[list[Inputs], list[Inputs]]:
+    """Return what this march takes of the inputs, those that may have kinks, and the sums of sines."""
+    own, others = zip(*(i.without_sines() for i in inputs), strict=True)
+    return list(own), list(others)
+
+
+def suits(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start: float, rtol: float) -> bool:
+    """Tell whether there are so many kinks that cells between all of them would be slower, and no direct paths."""
+    plant = loop.plant
+    return (
+        max(i.breakpoints.size + i.sample_times.size for i in inputs) > MANY_KNOTS
+        and any(i.parts for i in inputs)
+        and float(timepts[-1]) > start
+        and not np.any(plant.D22)
+        and not np.any(plant.D21[:, _rows(inputs)])
+        and PlantCoordinates(plant).diagonal
+    )
+
+
+def run(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start: float, rtol: float) -> Run:
+    """Simulate from rest.
 
     Parameters
     ----------
     loop : FoldedLoop
         Plant with unit gains and positive delays.
     inputs : sequence of Inputs
-        One for each case, with announced kinks.
+        One for each case, with announced kinks; this march's share.
     timepts : ndarray
         Increasing output times.
     start : float
@@ -51,38 +69,37 @@ def run_kinked(
 
     Raises
     ------
+    TooCoarseError
+        So many cells would be needed that the method of steps pays as well.
     OverflowError
         The response of an unstable loop leaves the range of floating point numbers.
     """
     plant, delays = loop
-    rows = sorted({row for i in inputs for part in i.parts for row in part.rows})
-    span = float(timepts[-1]) - start
-    coordinates = PlantCoordinates(plant)
-    if span <= 0.0 or not coordinates.diagonal or np.any(plant.D22) or np.any(plant.D21[:, rows]):
-        return None
+    span, rows, coordinates = float(timepts[-1]) - start, _rows(inputs), PlantCoordinates(plant)
     knots = np.unique(np.concatenate([t for i in inputs for t in (i.breakpoints, i.sample_times)]))
     knots = knots[(knots > start) & (knots < timepts[-1])]
-    fastest = float(np.max(np.abs(plant.eigenvalues), initial=0.0))
-    rule = gauss_rule(_NODES)
+    fastest = max(plant.fastest, 1e-300)
     longest = [
         span / max(1, knots.size),
-        2.0 * gauss_rule(_NODES - 2).phase_resolved(1e-2 * rtol) / max(fastest, 1e-300),
-        _MOST_DECAY / max(fastest, 1e-300),
+        2.0 * gauss_rule(_NODES - 2).phase_resolved(1e-2 * rtol) / fastest,
+        _MOST_DECAY / fastest,
         float(np.min(delays, initial=np.inf)) / _FEWEST_CELLS,
     ]
-    count = int(np.ceil(span / min(longest)))
+    count, failed = int(np.ceil(span / min(longest))), TooCoarseError(np.inf)
     rounding = 16.0 * _EPS * max(float(timepts[-1]), float(np.max(delays, initial=0.0)))
-    # with cells much shorter than the kinks are dense, the method of steps pays as well
     while count <= _MOST_CELLS * knots.size:
-        cells = UniformCells(plant, delays, coordinates, rule, span / count, rounding)
-        march = _KinkedMarch(loop, cells, inputs, rows, knots, timepts, start, count, rtol)
-        run = march.run()
-        if run is not None:
-            return run
+        cells = UniformCells(plant, delays, coordinates, gauss_rule(_NODES), span / count, rounding)
+        try:
+            return _KinkedMarch(loop, cells, inputs, rows, knots, timepts, start, count, rtol).run()
+        except TooCoarseError as problem:
+            failed = problem
         # kinks that the plant has smoothed once or twice: the error falls with a power of two to three
-        excess = float(np.max(march.error / np.maximum(rtol * march.peak, np.finfo(float).tiny)))
-        count *= int(np.clip(np.ceil(1.2 * excess**0.4), 2, 8))
-    return None
+        count *= int(np.clip(np.ceil(1.2 * failed.excess**0.4), 2, 8))
+    raise failed
+
+
+def _rows(inputs: Sequence[Inputs]) -> list[int]:
+    return sorted({row for i in inputs for part in i.parts for row in part.rows})
 
 
 class _KinkedMarch(UniformMarch):

@@ -17,6 +17,8 @@ from susp_ctrl.delay_systems.model.lft import FloatArray, Realization, sample_pl
 
 # Many incommensurate delays combine to very many kinks, each of them weak: the cells' error control sees to the rest.
 _MOST_KINKS = 3000
+# With more kinks in the inputs than this each is followed through one delay only.
+MANY_KNOTS = 100
 
 
 def propagated_kinks(

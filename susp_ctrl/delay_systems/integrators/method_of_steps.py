@@ -29,19 +29,16 @@ import numpy as np
 
 from susp_ctrl.delay_systems.integrators.cells import gauss_rule
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs
-from susp_ctrl.delay_systems.integrators.kinked_march import run_kinked
-from susp_ctrl.delay_systems.integrators.kinks import propagated_kinks
+from susp_ctrl.delay_systems.integrators.kinks import MANY_KNOTS, propagated_kinks
 from susp_ctrl.delay_systems.integrators.panels import CellGroup, PanelSolver
-from susp_ctrl.delay_systems.integrators.sampled_march import run_sampled
 from susp_ctrl.delay_systems.integrators.signal_memory import SignalMemory
-from susp_ctrl.delay_systems.integrators.trajectory import Past, Run, superposed
+from susp_ctrl.delay_systems.integrators.trajectory import Past, Run
 from susp_ctrl.delay_systems.model.folding import FoldedLoop
 from susp_ctrl.delay_systems.model.lft import FloatArray
 
 _EPS = float(np.finfo(float).eps)
 _NODES = 24
 _FEW_NODES = (6, 8, 12, 16, 24)  # where many kinks make the cells short
-_MANY_KNOTS = 100
 _MOST_TURNS = 8  # lengths in the pattern of a panel
 _MOST_CELLS = 64  # cells of a panel in smooth stretches
 _MOST_VALUES = 1_500_000  # values of one signal group in a panel: bounds the memory
@@ -54,9 +51,7 @@ class _Refine(Exception):  # noqa: N818  a signal between panel and march, never
         self.factor, self.tail = factor, tail
 
 
-def run_exact(
-    loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, past: Past, rtol: float
-) -> Run:
+def run(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, past: Past, rtol: float) -> Run:
     """Simulate one system for one or several inputs at once.
 
     Parameters
@@ -77,41 +72,19 @@ def run_exact(
     OverflowError
         The response of an unstable loop leaves the range of floating point numbers.
     """
-    apart = _from_rest(loop, inputs, timepts, past.start, rtol)
-    if apart is not None:
-        run, others = apart
-        quiet = past.delayed is None and not np.any(past.state) and not any(i.parts for i in others)
-        return run if quiet else superposed(run, run_exact(loop, others, timepts, past, rtol))
     tolerance = 1e-2 * rtol
     best, least = None, np.inf
     for _ in range(3):
-        run = _March(loop, inputs, timepts, past, rtol, tolerance).run()
-        worst = float(np.max(run.relative_error, initial=0.0))
+        found = _March(loop, inputs, timepts, past, rtol, tolerance).run()
+        worst = float(np.max(found.relative_error, initial=0.0))
         helped = worst < 0.3 * least
         if best is None or worst < least:
-            best, least = run, worst
+            best, least = found, worst
         if worst <= rtol or not helped or tolerance <= 1e-15:
             break
         tolerance = max(1e-16, 0.1 * tolerance * rtol / worst)
     assert best is not None  # the loop runs at least once
     return best
-
-
-def _from_rest(
-    loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start: float, rtol: float
-) -> tuple[Run, list[Inputs]] | None:
-    """Return the response to the inputs that have very many kinks, and the other inputs; None if none have."""
-    if all(i.knots is not None for i in inputs):
-        sampled, others = zip(*(i.without_samples() for i in inputs), strict=True)
-        run = run_sampled(loop, sampled, timepts, start, rtol)
-        if run is not None:
-            return run, list(others)
-    if max(i.breakpoints.size + i.sample_times.size for i in inputs) > _MANY_KNOTS:
-        kinked, others = zip(*(i.without_sines() for i in inputs), strict=True)
-        run = run_kinked(loop, kinked, timepts, start, rtol) if any(i.parts for i in kinked) else None
-        if run is not None:
-            return run, list(others)
-    return None
 
 
 class _March:
@@ -161,7 +134,7 @@ class _March:
         sources = sources[(sources > start) & (sources < self.end)]
         self.rule = gauss_rule(_NODES)
         knots = np.zeros(0)
-        if sources.size > _MANY_KNOTS:
+        if sources.size > MANY_KNOTS:
             # too many to follow each through all delays: one delay, and the cells' error control sees to the rest
             knots, sources = sources, sources[:0]
             step = float(np.median(np.diff(knots)))

@@ -14,7 +14,7 @@ from susp_ctrl.delay_systems.integrators.cells import PlantCoordinates, gauss_ru
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs
 from susp_ctrl.delay_systems.integrators.trajectory import Run
 from susp_ctrl.delay_systems.integrators.uniform_cells import FASTEST_DECAY, UniformCells
-from susp_ctrl.delay_systems.integrators.uniform_march import UniformMarch
+from susp_ctrl.delay_systems.integrators.uniform_march import TooCoarseError, UniformMarch
 from susp_ctrl.delay_systems.model.folding import FoldedLoop
 from susp_ctrl.delay_systems.model.lft import FloatArray
 
@@ -23,17 +23,38 @@ _NODES = (6, 8, 10, 14, 20)
 _FEWEST_CELLS = 8  # shortest delay in cells below which blocks are too short to pay
 
 
-def run_sampled(
-    loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start: float, rtol: float
-) -> Run | None:
-    """Simulate from rest under samples at `timepts`; None where the cells of this method do not suit.
+def share(inputs: Sequence[Inputs]) -> tuple[list[Inputs], list[Inputs]]:
+    """Return what this march takes of the inputs, those given by samples, and the rest."""
+    own, others = zip(*(i.without_samples() for i in inputs), strict=True)
+    return list(own), list(others)
+
+
+def suits(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start: float, rtol: float) -> bool:
+    """Tell whether every case is driven by samples on one uniform grid with cells that suit the loop."""
+    plant, delays = loop
+    if timepts.size < 2 or np.any(plant.D22) or any(i.knots is None for i in inputs):
+        return False
+    if len({i.hold for i in inputs}) > 1:
+        return False
+    length, fastest = _length(timepts), plant.fastest
+    uneven = float(np.max(np.abs(timepts - (start + length * np.arange(timepts.size)))))
+    allowed = max(_rounding(timepts, delays), 1e-2 * rtol / max(fastest, 1e-300))
+    return (
+        uneven <= allowed
+        and fastest * length <= FASTEST_DECAY
+        and bool(np.all(delays >= _FEWEST_CELLS * length))
+    )
+
+
+def run(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start: float, rtol: float) -> Run:
+    """Simulate from rest under samples at `timepts`.
 
     Parameters
     ----------
     loop : FoldedLoop
         Plant with unit gains and positive delays.
     inputs : sequence of Inputs
-        One for each case, given by samples only.
+        One for each case; this march's share.
     timepts : ndarray
         Uniform times of samples and outputs.
     start : float
@@ -43,33 +64,32 @@ def run_sampled(
 
     Raises
     ------
+    TooCoarseError
+        No number of nodes holds the tolerance.
     OverflowError
         The response of an unstable loop leaves the range of floating point numbers.
     """
     plant, delays = loop
-    count = timepts.size
-    if count < 2 or len({i.hold for i in inputs}) > 1 or np.any(plant.D22):
-        return None
-    length = float(timepts[-1] - timepts[0]) / (count - 1)
-    span = max(float(timepts[-1]), float(np.max(delays, initial=0.0)))
-    rounding = 16.0 * _EPS * span
-    fastest = float(np.max(np.abs(plant.eigenvalues), initial=0.0))
-    uneven = float(np.max(np.abs(timepts - (start + length * np.arange(count)))))
-    if uneven > max(rounding, 1e-2 * rtol / max(fastest, 1e-300)):
-        return None
-    if fastest * length > FASTEST_DECAY or np.any(delays < _FEWEST_CELLS * length):
-        return None
-    coordinates = PlantCoordinates(plant)
+    coordinates, length, failed = PlantCoordinates(plant), _length(timepts), TooCoarseError(np.inf)
     for nodes in _NODES:
-        rule = gauss_rule(nodes)
         # the companion has two coefficients less, and its difference is to stay far below the tolerance
-        if gauss_rule(nodes - 2).phase_resolved(1e-2 * rtol) < 0.5 * fastest * length:
+        if gauss_rule(nodes - 2).phase_resolved(1e-2 * rtol) < 0.5 * plant.fastest * length:
             continue
-        cells = UniformCells(plant, delays, coordinates, rule, length, rounding)
-        run = _SampledMarch(loop, cells, inputs, timepts, rtol).run()
-        if run is not None:
-            return run
-    return None
+        rounding = _rounding(timepts, delays)
+        cells = UniformCells(plant, delays, coordinates, gauss_rule(nodes), length, rounding)
+        try:
+            return _SampledMarch(loop, cells, inputs, timepts, rtol).run()
+        except TooCoarseError as problem:
+            failed = problem
+    raise failed
+
+
+def _length(timepts: FloatArray) -> float:
+    return float(timepts[-1] - timepts[0]) / (timepts.size - 1)
+
+
+def _rounding(timepts: FloatArray, delays: FloatArray) -> float:
+    return 16.0 * _EPS * max(float(timepts[-1]), float(np.max(delays, initial=0.0)))
 
 
 class _SampledMarch(UniformMarch):

@@ -25,6 +25,14 @@ _HOPELESS = 1e3  # excess of the error at which a run is broken off
 _FIRST_LOOK = 4096  # cells before that
 
 
+class TooCoarseError(Exception):
+    """The cells of a march do not hold the tolerance; carries the error by which they miss it."""
+
+    def __init__(self, excess: float) -> None:
+        super().__init__(f"{excess:g} times the tolerance")
+        self.excess = excess
+
+
 class UniformMarch(ABC):
     """A run from rest on uniform cells.
 
@@ -85,8 +93,16 @@ class UniformMarch(ABC):
     def _write(self, a: int, b: int, starts: FloatArray, w: FloatArray, sources: FloatArray) -> FloatArray:
         """Fill in the outputs that fall into cells a to b; return y with all columns, without direct inputs."""
 
-    def run(self) -> Run | None:
-        """March in blocks that see only what lies before them; None where the error is too large."""
+    def run(self) -> Run:
+        """March in blocks that see only what lies before them.
+
+        Raises
+        ------
+        TooCoarseError
+            The error is larger than `rtol` allows.
+        OverflowError
+            The response of an unstable loop leaves the range of floating point numbers.
+        """
         r = self.cells.coordinates.size
         block = min(_LONGEST_BLOCK, int(np.min(self.cells.whole, initial=_LONGEST_BLOCK)))
         known = np.zeros((r, 2 * self.cases), dtype=complex)
@@ -106,12 +122,17 @@ class UniformMarch(ABC):
             if a <= _FIRST_LOOK < b:
                 bearable = _HOPELESS * (self.rtol * self.peak + self._rounding())
                 if np.any(self.error > bearable):
-                    return None
+                    raise self._too_coarse()
         rounding = self._rounding()
         if np.any(self.error > self.rtol * self.peak + rounding):
-            return None
+            raise self._too_coarse()
         end = (self.cells.coordinates.back @ state[:, : self.cases]).real
         return Run(self.y, self.x, self.u, self.error, self.peak, self._past(end), self.over, rounding)
+
+    def _too_coarse(self) -> TooCoarseError:
+        return TooCoarseError(
+            float(np.max(self.error / np.maximum(self.rtol * self.peak, np.finfo(float).tiny)))
+        )
 
     def _block(self, a: int, b: int, known: ComplexArray) -> ComplexArray:
         """Take cells a to b; return the coordinates at their starts and at the last one's end."""

@@ -163,6 +163,11 @@ class Realization:
         """Eigenvalues of A."""
         return np.diag(self.schur.triangular)
 
+    @property
+    def fastest(self) -> float:
+        """Largest modulus of an eigenvalue of A (rad/s); zero without states."""
+        return float(np.max(np.abs(self.eigenvalues), initial=0.0))
+
     def closed_matrix(self, E: NDArray[Any]) -> NDArray[Any]:
         """Return ``A + B2 E (I - D22 E)^-1 C2`` for `E` of shape (..., channels): shape (..., states, states)."""
         return closed(self.A, self.B2 * E[..., None, :], self.C2, self.D22 * E[..., None, :])

@@ -12,9 +12,7 @@ an ordinary linear system with known forcing, whose solution over a time h is
 
 Where u or the history has a kink or a jump, so has the response, and it comes back after each delay, one derivative
 smoother each time (a retarded system smooths). Between these breakpoints everything is smooth and polynomials converge
-faster than any power of their degree [2]_: the integral is taken exactly for polynomial forcing. Two methods do this
-independently: ``"exact"`` on cells of one length (`method_of_steps`) and ``"reference"`` by
-collocation between all breakpoints (`reference_method`).
+faster than any power of their degree [2]_: the integral is taken exactly for polynomial forcing.
 
 References
 ----------
@@ -32,17 +30,15 @@ from numpy.typing import ArrayLike
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximation.orders import approximation
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs, as_inputs
-from susp_ctrl.delay_systems.integrators.method_of_steps import run_exact
-from susp_ctrl.delay_systems.integrators.reference_method import run_reference
 from susp_ctrl.delay_systems.integrators.trajectory import Past, side_by_side
 from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.simulation.history import past_of
+from susp_ctrl.delay_systems.simulation.march_choice import run_exact
 from susp_ctrl.delay_systems.simulation.simulation_response import SimulationResponse, simulation_response
 from susp_ctrl.errors import InputError
 
-_METHODS = ("exact", "reference", "pade", "spectral")
-_DELAYS_EXACT = ("exact", "reference")
+_METHODS = ("exact", "pade", "spectral")
 _TOGETHER = 16  # cases taken through the same cells at once: more gain nothing and need memory
 
 
@@ -72,9 +68,8 @@ def simulate(
         or an array (n_inputs, n_times); or a callable ``t -> (n_inputs, len(t))``. Inputs are zero for t < 0.
         A callable may carry the attributes ``breakpoints`` (times of its kinks and jumps, s), ``bandwidth``
         (rad/s) and ``sines`` = (omegas, amplitudes, phases), meaning ``sum a sin(omega t + phi)`` for all t.
-    method : {"exact", "reference", "pade", "spectral"}
-        Exact delays, fast, or slowly and by an independent method to about 1e-12; ``sys.pade(order)``; or a
-        spectral line for each delay.
+    method : {"exact", "pade", "spectral"}
+        Exact delays; ``sys.pade(order)``; or a spectral line for each delay.
     order : int or sequence of int, optional
         Order of the approximation, for all delays or one for each of ``sys.delays``; by default chosen for the
         input's bandwidth and the plant's natural frequencies.
@@ -125,7 +120,7 @@ def simulate(
     validation.one_of("hold", hold, ("linear", "zero"))
     validation.number("rtol", rtol, at_least=1e-13, at_most=1e-2)
     signals = as_inputs(inputs, system.input_labels, times, hold, breakpoints)
-    if method not in _DELAYS_EXACT:
+    if method != "exact":
         if history is not None:
             raise InputError(
                 f"history is not allowed with method = {method!r}: its delays have no history but zero"
@@ -137,10 +132,7 @@ def simulate(
         )
     past = past_of(system, history, signals)
     _check_start(times, past, signals)
-    if method == "reference":
-        run = run_reference(system.folded, [signals], times, past)
-    else:
-        run = run_exact(system.folded, [signals], times, past, rtol)
+    run = run_exact(system.folded, [signals], times, past, rtol)
     return simulation_response(system, times, run, method, order, rtol)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 
+import collocation
 import control as ct
 import delay_cases
 import numpy as np
@@ -29,11 +30,11 @@ def by_pieces(t, jump=1.0):
 
 
 @pytest.mark.analytical
-@pytest.mark.parametrize("method", ["exact", "reference"])
-def test_scalar_delay_equation_is_its_piecewise_polynomial(method):
+@pytest.mark.parametrize("simulate", [sc.simulate, collocation.simulate])
+def test_scalar_delay_equation_is_its_piecewise_polynomial(simulate):
     sys = sc.DelayLTI.from_state_delays([[[0.0]], [[-1.0]]], [1.0])
     t = np.linspace(0.0, 10.0, 1237)
-    response = sc.simulate(sys, t, method=method, history=[1.0])
+    response = simulate(sys, t, history=[1.0])
     np.testing.assert_allclose(response.outputs, by_pieces(t), rtol=0, atol=1e-12)
 
 
@@ -115,7 +116,7 @@ def test_half_car_on_harmonic_road_equals_reference(delays):
     sys, t = half_car_loop(delays=delays), np.linspace(0.0, 4.0, 1501)
     inputs = road_inputs()
     exact = sc.simulate(sys, t, inputs)
-    reference = sc.simulate(sys, t, inputs, method="reference")
+    reference = collocation.simulate(sys, t, inputs)
     ride = slice(0, 8)
     assert relative(exact.outputs[ride], reference.outputs[ride]) < 1e-9
     peak = np.max(np.abs(exact.outputs), axis=1)
@@ -197,7 +198,7 @@ def test_defective_plant():
     A1[3, 0] = -0.5
     sys = sc.DelayLTI.from_state_delays([A, A1], [0.7], B=np.eye(4)[:, [3]])
     t = np.linspace(0.0, 6.0, 301)
-    exact, reference = (sc.simulate(sys, t, step, method=m).outputs for m in ("exact", "reference"))
+    exact, reference = (way(sys, t, step).outputs for way in (sc.simulate, collocation.simulate))
     assert relative(exact, reference) < 1e-11
 
 
@@ -213,7 +214,7 @@ def test_two_incommensurate_delays_with_jump_history_and_delayed_step():
     late_step.breakpoints = (0.9,)
     t = np.linspace(0.0, 12.0, 700)
     exact, reference = (
-        sc.simulate(sys, t, late_step, method=m, history=[0.8]).outputs for m in ("exact", "reference")
+        way(sys, t, late_step, history=[0.8]).outputs for way in (sc.simulate, collocation.simulate)
     )
     assert relative(exact, reference) < 1e-10
 

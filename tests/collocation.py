@@ -1,10 +1,9 @@
-r"""Reference simulation: Chebyshev collocation of the whole loop, independent of the fast method.
+r"""Oracle of the time responses: Chebyshev collocation of the whole loop, independent of the marches of the package.
 
 On each interval between kinks the unknowns are the states and the delayed signals at the Chebyshev points
 :math:`x_j = -\cos(j \pi/N)`; the derivative is the differentiation matrix [1]_ and one dense system holds
 state equation, feed-through and, where a delay is shorter than the interval, the delayed signals inside it. It
-shares neither nodes nor coordinates nor the choice of kinks with `method_of_steps`, and
-is used where accuracy of 1e-11 and better matters more than time.
+shares neither nodes nor coordinates nor the choice of kinks with the package, is slow, and good to about 1e-12.
 
 References
 ----------
@@ -15,35 +14,39 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import scipy.linalg
 
-from susp_ctrl.delay_systems.integrators.input_signals import Inputs
+from susp_ctrl import DelayLTI
+from susp_ctrl.delay_systems.integrators.input_signals import Inputs, as_inputs
 from susp_ctrl.delay_systems.integrators.trajectory import Past, Run
 from susp_ctrl.delay_systems.model.folding import FoldedLoop
 from susp_ctrl.delay_systems.model.lft import FloatArray, Realization
+from susp_ctrl.delay_systems.simulation.history import past_of
 
 _DEGREE = 32
 _PASSES = 9  # a kink is followed through so many delays: it is then of order 10 at least
 _PHASE = 7.0  # largest phase of the fastest mode on half an interval
 
 
-def run_reference(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, past: Past) -> Run:
-    """Simulate one system for one or several inputs, as `method_of_steps.run_exact` does, but for accuracy.
+def simulate(sys: Any, timepts: Any, inputs: Any = None, *, hold: str = "linear", history: Any = None) -> Any:
+    """Return outputs, states and inputs of one run, as `susp_ctrl.simulate` takes its arguments."""
+    system, times = DelayLTI.of(sys), np.asarray(timepts, dtype=float)
+    signals = as_inputs(inputs, system.input_labels, times, hold)
+    run = collocated(system.folded, [signals], times, past_of(system, history, signals))
+    one = system.noutputs == 1 and system.ninputs <= 1
+    return SimpleNamespace(
+        outputs=run.outputs[0, :, 0] if one else run.outputs[:, :, 0],
+        states=run.states[:, :, 0],
+        inputs=run.inputs[:, :, 0],
+    )
 
-    Parameters
-    ----------
-    loop : FoldedLoop
-        Plant with unit gains and positive delays.
-    inputs : sequence of Inputs
-        One for each case.
-    timepts : ndarray
-        Increasing output times.
-    past : Past
-        Initial state and history.
-    """
+
+def collocated(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, past: Past) -> Run:
+    """Simulate one folded loop for one or several inputs."""
     plant, delays = loop.plant, loop.delays
     edges = _intervals(plant, delays, inputs, float(timepts[-1]), past)
     nodes = -np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
@@ -55,7 +58,7 @@ def run_reference(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArra
     derivative = _differentiation(nodes)
     starts, ends = edges[:-1], edges[1:]
     z = np.zeros((starts.size, K, _DEGREE + 1, cases))
-    factors: dict[float, Any] = {}
+    factors: dict[Any, Any] = {}
     x_start = past.state * np.ones((n, cases))
     outputs, states = np.empty((p, timepts.size, cases)), np.empty((n, timepts.size, cases))
     given = np.empty((plant.n_inputs, timepts.size, cases))
@@ -84,7 +87,9 @@ def run_reference(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArra
                 else:
                     values[rows] = across @ z[s, k]
             w[k] = carry @ values
-        key = round(half, 14)
+        # rounding decides on which side of the start a node falls that lies one delay after it: intervals of one
+        # length need not have one matrix
+        key = round(half, 14), own.any(axis=2).tobytes(), own.any(axis=1).tobytes()
         if key not in factors:
             factors[key] = scipy.linalg.lu_factor(_system(plant, derivative, half, own), check_finite=False)
         right_side = np.concatenate(
@@ -111,7 +116,8 @@ def run_reference(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArra
         )
         tail = np.sum(np.abs(np.einsum("ij,pjc->pic", coefficients[-2:], y)), axis=1)
         error, peak = np.maximum(error, tail), np.maximum(peak, np.max(np.abs(y), axis=1, initial=0.0))
-        until = timepts.size if i == starts.size - 1 else int(np.searchsorted(timepts, b, side="left"))
+        near = b - 1e-12 * max(1.0, abs(b))
+        until = timepts.size if i == starts.size - 1 else int(np.searchsorted(timepts, near, side="left"))
         if until > written:
             across = _interpolation(nodes, (timepts[written:until] - a) / half - 1.0)
             for target, signal in ((outputs, y), (states, x), (given, u)):
@@ -136,8 +142,9 @@ def _intervals(
         kinks |= newest
     times = np.array(sorted(t for t in kinks if past.start < t < end))
     edges = np.concatenate([[past.start], times, [max(end, past.start + 1e-9)]])
-    edges = edges[np.append(np.diff(edges) > 1e-12 * max(1.0, abs(end)), True)]
-    edges[0] = past.start
+    # of times equal to rounding the given ones come first: a jump belongs to the interval that it begins
+    edges = edges[np.append(True, np.diff(edges) > 1e-12 * max(1.0, abs(end)))]
+    edges[-1] = max(end, past.start + 1e-9)
     closed = plant.closed_matrix(np.ones(delays.size, dtype=complex))
     bands = [s.bandwidth for s in inputs if s.bandwidth is not None]
     fastest = max(0.0, *np.abs(plant.eigenvalues), *np.abs(np.linalg.eigvals(closed)), *bands)
