@@ -17,6 +17,7 @@ from susp_ctrl.delay_systems.crossings.delay_independence import (
 from susp_ctrl.delay_systems.crossings.delay_sweep import DelaySweep
 from susp_ctrl.delay_systems.crossings.frequency_sweep import sweep_delays
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
+from susp_ctrl.delay_systems.frequency.adaptive_quadrature import integrate
 from susp_ctrl.delay_systems.frequency.margins import StabilityMargins, stability_margins
 from susp_ctrl.delay_systems.frequency.norms import h2_norm, hinf_norm, output_rms
 from susp_ctrl.delay_systems.maps.stability_chart import StabilityMap
@@ -50,6 +51,7 @@ __all__ = [
     "feedback",
     "h2_norm",
     "hinf_norm",
+    "integrate",
     "loop_plant",
     "open_loop",
     "output_rms",

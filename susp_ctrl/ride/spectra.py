@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl import validation
+from susp_ctrl.delay_systems import stability
 from susp_ctrl.errors import InputError, UnstableSystemError
 from susp_ctrl.ride.indicators import COMFORT_WEIGHTS, indicator_signals, seat_combination
 from susp_ctrl.ride.weighting import iso2631_weighting
@@ -177,9 +178,6 @@ def require_stable(system: Any) -> None:
     if isinstance(system, control.StateSpace | control.TransferFunction):
         stable: bool | None = bool(np.all(system.poles().real < 0))
     else:
-        # the verdict on a loop with delays belongs to the room below
-        from susp_ctrl.delay_systems import stability
-
         stable = stability(system).stable
     if not stable:
         verdict = "not stable" if stable is False else "not shown to be stable"

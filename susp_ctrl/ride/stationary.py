@@ -11,10 +11,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from susp_ctrl import validation
+from susp_ctrl.delay_systems import integrate
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride.indicators import VehicleLike, signal_unit
 from susp_ctrl.ride.indices import Row, comfort_total
-from susp_ctrl.ride.quadrature import integrate_spectra
 from susp_ctrl.ride.spectra import RoadResponse, require_stable
 
 FloatArray = NDArray[np.float64]
@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 # A response in which the wheels cancel each other to this part of their magnitudes is rounding, such as the
 # roll of a car on two equal tracks: its relative error is not pursued.
 _CANCELLED = 1e-8
+# Panels of the quadrature: at first, evenly spaced in the logarithm of the frequency, and at most.
+_PANELS, _MOST_PANELS = 25, 7000
 
 
 def stationary_rms(
@@ -102,11 +104,19 @@ def stationary_rms(
 def _mean_squares(response: RoadResponse, road: Any, rtol: float) -> tuple[FloatArray, float]:
     """Return the mean squares and the largest relative error of their roots."""
     if callable(getattr(road, "psd", None)) and hasattr(road, "band"):
-        integral = integrate_spectra(
+        low, high = road.band
+        knots = np.geomspace(low if low > 0 else 1e-5 * high, high, _PANELS)
+        uncancelled = integrate(
+            lambda omega: response.largest_gain_squared(omega) * road.psd(omega), low, high, 0.1, knots
+        )
+        integral = integrate(
             lambda omega: response.gain_squared(omega) * road.psd(omega),
-            road.band,
-            rtol=2 * rtol,
-            floor=lambda omega: _CANCELLED**2 * response.largest_gain_squared(omega) * road.psd(omega),
+            low,
+            high,
+            2 * rtol,
+            knots,
+            scale=_CANCELLED**2 * uncancelled.value / rtol,
+            most=_MOST_PANELS,
         )
         error = float(np.max(integral.relative_error)) / 2
         if error > rtol:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems import DelayLTI, spectral_abscissa
+from susp_ctrl.delay_systems.approximation.spectral import chebyshev_differentiation
 from susp_ctrl.delay_systems.model.lft import Realization
 from susp_ctrl.tuning.sampling import ControlledPlant
 
@@ -55,7 +56,8 @@ class SpectralAbscissa:
 
     def bind(self, plant: ControlledPlant) -> SampledAbscissa:
         """Return the objective with its discretisation prepared."""
-        return SampledAbscissa(plant.realization, *_transport(self.order))
+        D = chebyshev_differentiation(self.order)
+        return SampledAbscissa(plant.realization, D[1:, 1:], D[1:, 0])
 
     def exact(self, loop: DelayLTI) -> float:
         """Return the abscissa of one loop from its exact roots."""
@@ -87,14 +89,3 @@ class SampledAbscissa:
             M[:, line, :n] += speed * np.outer(self.inflow, r.C2[k])
             M[:, line, ends] += speed * self.inflow[:, None] * (r.D22[k] * gains)[:, None, :]
         return np.asarray(np.linalg.eigvals(M).real.max(axis=-1))
-
-
-def _transport(order: int) -> tuple[FloatArray, FloatArray]:
-    """Return the Chebyshev differentiation matrix on [-1, 1], split into line nodes and inflow at +1."""
-    x = np.cos(np.pi * np.arange(order + 1) / order)
-    ends = np.ones(order + 1)
-    ends[[0, -1]] = 2.0
-    ends *= (-1.0) ** np.arange(order + 1)
-    D = np.outer(ends, 1.0 / ends) / (x[:, None] - x + np.eye(order + 1))
-    D -= np.diag(D.sum(axis=1))
-    return D[1:, 1:], D[1:, 0]

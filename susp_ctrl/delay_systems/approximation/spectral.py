@@ -171,12 +171,12 @@ def _interpolation(degree: int, x: float) -> FloatArray:
 
 def _transport_line(points: int, delay: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """A, B, C of one line: from the signal that enters it to the one that leaves it."""
-    D = _chebyshev_differentiation(points) * (2.0 / delay)
+    D = chebyshev_differentiation(points) * (2.0 / delay)
     return D[1:, 1:], D[1:, :1], np.eye(1, points, points - 1)
 
 
 @lru_cache(maxsize=256)
-def _chebyshev_differentiation(degree: int) -> FloatArray:
+def chebyshev_differentiation(degree: int) -> FloatArray:
     """Differentiation matrix on ``cos(j pi/degree)``, j = 0 to degree.
 
     The differences of nodes are products of sines and the diagonal is minus the sum of its row, which keeps

@@ -71,4 +71,4 @@ def sampled_band(
 
 
 def _flat_response(sys: DelaySystem, omega: FloatArray) -> np.ndarray:
-    return np.asarray(sys(1j * omega, squeeze=False)).reshape(-1, omega.size)
+    return np.asarray(sys(1j * omega, squeeze=False)).reshape(sys.noutputs * sys.ninputs, omega.size)

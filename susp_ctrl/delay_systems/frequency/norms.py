@@ -166,7 +166,7 @@ def h2_norm(sys: Any, tolerance: float = 1e-9) -> float:
         return np.asarray((np.abs(system(1j * omega, squeeze=False)) ** 2).sum(axis=(0, 1)))
 
     edge = 30.0 * _frequency_scale(loop)
-    body = float(integrate(power, 0.0, edge, relative, _knots(system, edge)))
+    body = float(_integral(power, 0.0, edge, relative, _knots(system, edge)))
     previous = np.inf
     for _ in range(12):
         # what the closed form leaves out falls with the third power of the edge, by 8 at every doubling
@@ -174,7 +174,7 @@ def h2_norm(sys: Any, tolerance: float = 1e-9) -> float:
         if abs(total - previous) <= 5.0 * relative * total:
             break
         previous = total
-        body += float(integrate(power, edge, 2.0 * edge, relative, _knots(system, 2.0 * edge), scale=body))
+        body += float(_integral(power, edge, 2.0 * edge, relative, _knots(system, 2.0 * edge), scale=body))
         edge *= 2.0
     return float(np.sqrt(total / np.pi))
 
@@ -245,7 +245,21 @@ def output_rms(
 
     low, high = float(limits[0]), float(limits[1])
     knots = np.concatenate([_knots(system, high), np.geomspace(low, high, 20)[1:-1] if low > 0.0 else []])
-    return np.sqrt(np.asarray(integrate(power, low, high, relative, knots)))
+    return np.sqrt(_integral(power, low, high, relative, knots))
+
+
+def _integral(
+    function: Callable[[FloatArray], FloatArray],
+    low: float,
+    high: float,
+    relative: float,
+    knots: FloatArray,
+    scale: float = 0.0,
+) -> FloatArray:
+    found = integrate(function, low, high, relative, knots, scale)
+    if np.any(found.relative_error > relative):
+        raise ArithmeticError("the integral does not reach its tolerance")
+    return found.value
 
 
 def _proven_stable(sys: Any, what: str) -> DelaySystem:

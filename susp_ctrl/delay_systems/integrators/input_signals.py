@@ -88,7 +88,7 @@ class Inputs:
         """Return the inputs at any times t >= 0, shape (inputs, *times.shape)."""
         values = np.zeros((self.size, *times.shape))
         for part in self.parts:
-            values[list(part.rows)] = _evaluate(part, times.ravel()).reshape(-1, *times.shape)
+            values[list(part.rows)] = _evaluate(part, times.ravel()).reshape(len(part.rows), *times.shape)
         return values
 
     def on_cells(self, starts: FloatArray, offsets: FloatArray) -> FloatArray:
@@ -101,7 +101,7 @@ class Inputs:
         values = np.zeros((self.size, *times.shape))
         for part in self.parts:
             if part.lines is None:
-                values[list(part.rows)] = _evaluate(part, times.ravel()).reshape(-1, *times.shape)
+                values[list(part.rows)] = _evaluate(part, times.ravel()).reshape(len(part.rows), *times.shape)
             else:
                 omegas, amplitudes, phases = part.lines
                 turned = np.exp(1j * np.outer(offsets, omegas))

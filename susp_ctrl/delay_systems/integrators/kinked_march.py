@@ -121,7 +121,8 @@ class _KinkedMarch(UniformMarch):
         self.inputs, self.knots, self.written = inputs, knots, 0
         self.poles = np.diag(cells.coordinates.T)
         self.quadrature = gauss_rule(_POINTS)
-        reach = cells.reach[:-1].reshape(-1, cells.reach.shape[2])
+        nodes, r, columns = cells.reach[:-1].shape
+        reach = cells.reach[:-1].reshape(nodes * r, columns)
         self.to_nodes = np.vstack([reach.real, reach.imag])
 
     def _forced(self, a: int, b: int) -> FloatArray:

@@ -131,7 +131,7 @@ class PanelSolver:
         forcing = g.forcing + np.tensordot(c.B2, g.w, axes=1).reshape(r, self.rule.size, P * m)
         start: ComplexArray = (g.xi[:r] + 1j * g.xi[r:]).reshape(r, P * m)
         nodes, _ = g.operator.response.respond(forcing, start)
-        x = np.tensordot(c.back, nodes, axes=1).real.reshape(-1, self.rule.size, P, m)
+        x = np.tensordot(c.back, nodes, axes=1).real.reshape(plant.n_states, self.rule.size, P, m)
         y = np.tensordot(plant.C1, x, axes=1)
         y += np.tensordot(plant.D11, g.U, axes=1)
         y += np.tensordot(plant.D12, g.w, axes=1)
@@ -152,8 +152,8 @@ class PanelSolver:
         g.forcing = np.tensordot(c.B1, g.U, axes=1).reshape(r, N, P * m).astype(complex, copy=False)
         nodes, end = g.operator.response.respond(g.forcing, np.zeros((r, P * m), dtype=complex))
         z = np.tensordot(plant.C2 @ c.back, nodes, axes=1).real
-        z += np.tensordot(plant.D21, g.U.reshape(-1, N, P * m), axes=1)
-        given = np.concatenate([z.reshape(K * N, P * m), end.real, end.imag]).reshape(-1, P, m)
+        z += np.tensordot(plant.D21, g.U.reshape(plant.n_inputs, N, P * m), axes=1)
+        given = np.concatenate([z.reshape(K * N, P * m), end.real, end.imag]).reshape(K * N + 2 * r, P, m)
         if g.operator.input_to_march is not None:
             given = np.tensordot(g.operator.input_to_march, given, axes=1)
         g.given = given

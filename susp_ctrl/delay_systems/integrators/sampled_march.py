@@ -116,8 +116,8 @@ class _SampledMarch(UniformMarch):
 
     def _forced(self, a: int, b: int) -> FloatArray:
         after = self.samples[:, np.minimum(np.arange(a + 1, b + 1), self.timepts.size - 1)]
-        both = np.concatenate([self.samples[:, a:b], after]).reshape(-1, (b - a) * self.cases)
-        given = (self.driven @ both).reshape(-1, b - a, self.cases)
+        both = np.concatenate([self.samples[:, a:b], after]).reshape(2 * len(self.rows), (b - a) * self.cases)
+        given = (self.driven @ both).reshape(len(self.driven), b - a, self.cases)
         return np.concatenate([given, given], axis=2)
 
     def _write(self, a: int, b: int, starts: FloatArray, w: FloatArray, sources: FloatArray) -> FloatArray:

@@ -75,7 +75,8 @@ class SignalMemory:
         values = np.zeros((*shape, self.values.shape[-1]))
         number = source[live]
         point = 2.0 * (times[live] - self.starts[number]) / self.lengths[number] - 1.0
-        flat = self.values.reshape(-1, *self.values.shape[2:])
+        held, channels, *node_values = self.values.shape
+        flat = self.values.reshape(held * channels, *node_values)
         channel = np.broadcast_to(np.arange(shape[0])[:, None, None], shape)[live]
         values[live] = np.einsum("an,anm->am", self.rule.rows(point), flat[number * shape[0] + channel])
         if self.past.delayed is not None and np.any(past):

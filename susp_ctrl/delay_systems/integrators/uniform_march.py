@@ -148,7 +148,7 @@ class UniformMarch(ABC):
             sources[k, 0] = self.held[k, :, newer - 1 : newer - 1 + P]
             sources[k, 1] = self.held[k, :, newer : newer + P]
         flat = sources.reshape(2 * K * N, P * m)
-        local = (cells.from_delayed @ flat).reshape(-1, P, m)
+        local = (cells.from_delayed @ flat).reshape(len(cells.from_delayed), P, m)
         local[: K * N + 2 * r] += self._forced(a, b)
         drive = local[K * N : K * N + r] + 1j * local[K * N + r : K * N + 2 * r]
         xi = linear_recursion(cells.step, drive, known, cells.coordinates.diagonal)
