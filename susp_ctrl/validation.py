@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 
 def number(

@@ -7,7 +7,6 @@ methods here hand them sampled data instead. A conversion that would lose a dela
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Self
 
 import control
@@ -15,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.approximation.pade import close_bank, pade_approximation, pade_bank
+from susp_ctrl.delay_systems.approximation.delay_bank import Orders
+from susp_ctrl.delay_systems.approximation.pade import pade_approximation
 from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
 from susp_ctrl.delay_systems.frequency.frequency_range import default_frequencies
 from susp_ctrl.delay_systems.frequency.margins import StabilityMargins, stability_margins
@@ -60,7 +60,7 @@ class DelayLTI(DelaySystem):
     Immutable; `with_delays` and `with_gains` give changed copies.
     """
 
-    def pade(self, order: int | Sequence[int], omega_max: float | None = None) -> control.StateSpace:
+    def pade(self, order: Orders, omega_max: float | None = None) -> control.StateSpace:
         """Return the Padé approximation as a `control.StateSpace`; see `pade_approximation`.
 
         Parameters
@@ -76,7 +76,7 @@ class DelayLTI(DelaySystem):
         """
         return pade_approximation(self, order, omega_max)
 
-    def spectral(self, order: int | Sequence[int]) -> control.StateSpace:
+    def spectral(self, order: Orders) -> control.StateSpace:
         """Return the spectral approximation as a `control.StateSpace`; see `spectral_approximation`.
 
         Parameters
@@ -142,7 +142,7 @@ class DelayLTI(DelaySystem):
             A delay is at work: `pade` is the explicit approximation.
         """
         self._refuse_to_lose_delays()
-        return close_bank(self, pade_bank((1,) * self.delays.size, self), [])
+        return pade_approximation(self, 1)
 
     def to_tf(self, *args: Any, **kwargs: Any) -> control.TransferFunction:
         """Return the system as a `control.TransferFunction` if no delay is at work in it.

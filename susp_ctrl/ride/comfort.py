@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from susp_ctrl import validation
-
-FloatArray = NDArray[np.float64]
+from susp_ctrl.arrays import FloatArray
 
 # Likely reactions to the weighted RMS acceleration (m/s2) in public transport; they overlap on purpose.
 _BANDS = (

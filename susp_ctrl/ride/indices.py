@@ -12,6 +12,7 @@ from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride.comfort import exposure, mean_square
 from susp_ctrl.ride.indicators import (
@@ -23,7 +24,6 @@ from susp_ctrl.ride.indicators import (
 )
 from susp_ctrl.ride.weighting import weighted_history
 
-FloatArray = NDArray[np.float64]
 Row = tuple[str, float, str]
 
 

@@ -9,16 +9,14 @@ from typing import Any, Self
 import control
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems import stability
 from susp_ctrl.errors import InputError, UnstableSystemError
 from susp_ctrl.ride.indicators import COMFORT_WEIGHTS, indicator_signals, seat_combination
 from susp_ctrl.ride.weighting import iso2631_weighting
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 def response_psd(

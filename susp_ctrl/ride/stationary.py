@@ -8,16 +8,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import integrate
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride.indicators import VehicleLike, signal_unit
 from susp_ctrl.ride.indices import Row, comfort_total
 from susp_ctrl.ride.spectra import RoadResponse, require_stable
-
-FloatArray = NDArray[np.float64]
 
 # A response in which the wheels cancel each other to this part of their magnitudes is rounding, such as the
 # roll of a car on two equal tracks: its relative error is not pursued.

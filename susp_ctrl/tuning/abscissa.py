@@ -14,15 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import DelayLTI, spectral_abscissa
 from susp_ctrl.delay_systems.approximation.spectral import chebyshev_differentiation
 from susp_ctrl.delay_systems.model.lft import Realization
 from susp_ctrl.tuning.sampling import ControlledPlant
-
-FloatArray = NDArray[np.float64]
 
 # A line of no length has no nodes; ten microseconds turn a root at 100 rad/s by a thousandth of a radian.
 SHORTEST_LINE = 1e-5

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import small_gain_of_samples
 from susp_ctrl.delay_systems.model.lft import Realization, sample_plant
-
-FloatArray = NDArray[np.float64]
 
 GRID_POINTS = 3000
 POINTS_PER_POLE = 300

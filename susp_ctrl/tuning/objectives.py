@@ -19,17 +19,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.lft import SampledPlant, lft_response
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride import iso2631_weighting
 from susp_ctrl.tuning.resonance_rule import resonance_rule
 from susp_ctrl.tuning.sampling import ControlledPlant, channel_exponentials
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 BAND_POINTS = 300
 

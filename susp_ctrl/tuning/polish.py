@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.tuning.objectives import SampledObjective
 from susp_ctrl.tuning.problem import Case, TuningProblem
 from susp_ctrl.tuning.sampling import channel_exponentials
 
-FloatArray = NDArray[np.float64]
 Batch = Callable[[FloatArray], FloatArray]
 
 # The type stubs of scipy know no overload for constraints given as dictionaries with a "jac".

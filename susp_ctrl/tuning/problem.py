@@ -8,9 +8,10 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import spectral_abscissa
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
@@ -18,8 +19,6 @@ from susp_ctrl.errors import InputError
 from susp_ctrl.tuning.feasibility import SmallGain, StabilityTest
 from susp_ctrl.tuning.objectives import BoundObjective, Objective
 from susp_ctrl.tuning.sampling import ControlledPlant
-
-FloatArray = NDArray[np.float64]
 
 # The best delay is often none at all, and a control loop always has some: one millisecond by default.
 DEFAULT_DELAY_BOUNDS = (0.001, 1.0)

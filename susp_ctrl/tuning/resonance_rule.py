@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from susp_ctrl.arrays import FloatArray
 
 NODES_PER_PANEL = 10
 # Shares of the logarithmic, even and resonant part. Of the mixtures tried on the half car (300 points, 400

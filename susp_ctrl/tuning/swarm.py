@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import OptimizeResult
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 
-FloatArray = NDArray[np.float64]
 Objective = Callable[[FloatArray], Any]
 
 TOPOLOGIES = ("ring", "global")

@@ -7,16 +7,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 from susp_ctrl.tuning.objectives import Objective
 from susp_ctrl.tuning.problem import Limit, TuningProblem
 from susp_ctrl.tuning.tuner import tune
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

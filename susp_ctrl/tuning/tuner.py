@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import StabilityVerdict, stability
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 from susp_ctrl.tuning.polish import polish
 from susp_ctrl.tuning.problem import TuningProblem
 from susp_ctrl.tuning.swarm import pso
-
-FloatArray = NDArray[np.float64]
 
 # Two designs nearer than this in every scaled coordinate are taken to lie in one basin. On band_peak of the half
 # car 0.2 finds the best basin among the first eight in seeds where the swarm itself settled elsewhere.

@@ -16,6 +16,7 @@ import numpy as np
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximation.pade import HIGHEST_ORDER, pade_approximation, pade_order
+from susp_ctrl.delay_systems.approximation.spectral import HIGHEST_ORDER as MOST_POINTS
 from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
 from susp_ctrl.delay_systems.model.lft import sample_plant
 from susp_ctrl.delay_systems.model.system import DelaySystem
@@ -25,7 +26,6 @@ from susp_ctrl.errors import InputError, PadeOrderWarning
 _SHARE = 0.05
 # Chebyshev points beyond omega tau / 2 that leave an error of a few thousandths.
 _SPARE_POINTS = 10
-_MOST_POINTS = 400
 
 
 def approximation(
@@ -111,4 +111,4 @@ def _pade_choice(system: DelaySystem, omega: float) -> int:
 
 def _points_needed(system: DelaySystem, omega: float) -> int:
     longest = float(np.max(system.folded.delays, initial=0.0))
-    return min(_MOST_POINTS, math.ceil(0.5 * omega * longest) + _SPARE_POINTS)
+    return min(MOST_POINTS, math.ceil(0.5 * omega * longest) + _SPARE_POINTS)

@@ -22,9 +22,7 @@ References
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
 
 import control
 import numpy as np
@@ -33,26 +31,21 @@ import scipy.signal
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.arrays import FloatArray
+from susp_ctrl.delay_systems.approximation.delay_bank import (
+    OneDelay,
+    Orders,
+    at_work,
+    channel_orders,
+    with_delays_replaced,
+)
 from susp_ctrl.delay_systems.model.system import DelaySystem
-from susp_ctrl.delay_systems.model.transfer_functions import state_space
 from susp_ctrl.errors import InputError, PadeOrderWarning
 
 HIGHEST_ORDER = 60
 
 
-class DelayBank(NamedTuple):
-    """State-space matrices from all delayed signals z to their delayed, weighted values w."""
-
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
-
-
-def pade_approximation(
-    sys: DelaySystem, order: int | Sequence[int], omega_max: float | None = None
-) -> control.StateSpace:
+def pade_approximation(sys: DelaySystem, order: Orders, omega_max: float | None = None) -> control.StateSpace:
     r"""Replace every delay by its diagonal Padé approximation.
 
     Parameters
@@ -87,12 +80,10 @@ def pade_approximation(
     stable loops can appear unstable and unstable ones stable. Eigenvalues far to the left, where ``|e^{-s tau}|``
     exceeds 1e12, are those of rounding.
     """
-    orders = _orders(sys, order)
+    orders = channel_orders(sys, order, HIGHEST_ORDER)
     if omega_max is not None:
         _warn_if_low(sys, orders, validation.number("omega_max", omega_max, above=0.0))
-    bank = pade_bank(orders, sys)
-    names = [f"pade[{k}][{j}]" for k, n in enumerate(_channel_orders(sys, orders)) for j in range(n)]
-    return close_bank(sys, bank, names)
+    return with_delays_replaced(sys, orders, pade_cascade, "pade")
 
 
 def pade_order(sys: DelaySystem, omega_max: float, tolerance: float = 1e-2) -> int:
@@ -125,7 +116,7 @@ def pade_order(sys: DelaySystem, omega_max: float, tolerance: float = 1e-2) -> i
     """
     omega = validation.number("omega_max", omega_max, above=0.0)
     allowed = validation.number("tolerance", tolerance, above=0.0)
-    longest = float(np.max(sys.channel_delays[_at_work(sys)], initial=0.0))
+    longest = float(np.max(sys.channel_delays[at_work(sys)], initial=0.0))
     needed = _order_needed(omega * longest, allowed)
     if needed is None:
         raise InputError(
@@ -158,70 +149,11 @@ def pade_phase_error(order: int, angle: ArrayLike) -> FloatArray:
     return np.asarray(2.0 * x - turned)
 
 
-def close_bank(sys: DelaySystem, bank: DelayBank, names: Sequence[str]) -> control.StateSpace:
-    """Close the undelayed plant of `sys` with a finite-dimensional bank ``w = bank(z)`` for its delays.
-
-    Parameters
-    ----------
-    sys : DelayLTI
-        The system whose plant, inputs and outputs are kept.
-    bank : DelayBank
-        Matrices with ``sys.realization.n_channels`` inputs and outputs, gains included.
-    names : sequence of str
-        Names of the bank's states, which follow those of `sys`.
-
-    Returns
-    -------
-    control.StateSpace
-        With one input ``idle`` that acts on nothing if `sys` has no input.
-    """
-    r = sys.realization
-    around = np.eye(r.n_channels) - r.D22 @ bank.D
-    # z = around^-1 (C2 x + D22 Cd xd + D21 u), w = Cd xd + Dd z
-    z = np.linalg.solve(around, np.hstack([r.C2, r.D22 @ bank.C, r.D21]))
-    w = bank.D @ z
-    n, q = r.n_states, r.n_inputs
-    w[:, n : n + bank.A.shape[0]] += bank.C
-    state = np.vstack([r.B2 @ w, bank.B @ z])
-    state[:n, :n] += r.A
-    state[n:, n : state.shape[1] - q] += bank.A
-    state[:n, state.shape[1] - q :] += r.B1
-    output = r.D12 @ w
-    output[:, :n] += r.C1
-    output[:, output.shape[1] - q :] += r.D11
-    total = state.shape[0]
-    return state_space(
-        state[:, :total],
-        state[:, total:],
-        output[:, :total],
-        output[:, total:],
-        inputs=sys.input_labels,
-        outputs=sys.output_labels,
-        states=[*sys.state_labels, *names],
-    )
-
-
-def pade_cascade(order: int, delay: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return A, B, C, D of the Padé all-pass of one delay (s) as a cascade of lossless real sections.
-
-    Parameters
-    ----------
-    order : int
-        At least 1.
-    delay : float
-        Positive.
-
-    Returns
-    -------
-    A : ndarray, shape (order, order)
-    B : ndarray, shape (order,)
-    C : ndarray, shape (order,)
-    D : float
-        ``(-1)**order``.
-    """
+def pade_cascade(order: int, delay: float) -> OneDelay:
+    """Return the Padé all-pass of one delay (s, positive) as a cascade of lossless real sections; its D is ``+-1``."""
     A, B, C, D = _unit_cascade(order)
     rate = 2.0 / delay
-    return A * rate, B * rate, C, D
+    return OneDelay(A * rate, B[:, None] * rate, C[None, :], np.array([[D]]))
 
 
 @lru_cache(maxsize=128)
@@ -266,44 +198,6 @@ def _real_pole(order: int) -> float:
     return -float(poles[np.argmin(np.abs(poles.imag))].real)
 
 
-def _orders(sys: DelaySystem, order: int | Sequence[int]) -> tuple[int, ...]:
-    if not isinstance(order, (Sequence, np.ndarray)):
-        return (validation.integer("order", order, at_least=1, at_most=HIGHEST_ORDER),) * sys.delays.size
-    given = validation.sequence("order", order)
-    if len(given) != sys.delays.size:
-        raise InputError(f"order has {len(given)} entries: one for each of {sys.delays.size} delays needed")
-    return tuple(
-        validation.integer(f"order[{k}]", n, at_least=1, at_most=HIGHEST_ORDER) for k, n in enumerate(given)
-    )
-
-
-def _at_work(sys: DelaySystem) -> np.ndarray:
-    """Delayed signals that have a delay and act on something."""
-    r = sys.realization
-    acts = np.any(np.vstack([r.B2, r.D12, r.D22]) * sys.channel_gains != 0.0, axis=0)
-    return np.asarray(acts & (sys.channel_delays > 0.0))
-
-
-def _channel_orders(sys: DelaySystem, orders: tuple[int, ...]) -> np.ndarray:
-    """Order of every delayed signal, zero where it needs no states."""
-    return np.where(_at_work(sys), np.repeat(orders, sys.widths), 0).astype(int)
-
-
-def pade_bank(orders: tuple[int, ...], sys: DelaySystem) -> DelayBank:
-    """Return the Padé cascades of all delayed signals, gains included; delay-free ones pass directly."""
-    parts = []
-    for n, tau, gain in zip(_channel_orders(sys, orders), sys.channel_delays, sys.channel_gains, strict=True):
-        if n == 0:
-            parts.append((np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), gain))
-            continue
-        A, B, C, D = pade_cascade(int(n), tau)
-        parts.append((A, B[:, None], gain * C[None, :], gain * D))
-    if not parts:
-        return DelayBank(*(np.zeros((0, 0)) for _ in range(4)))
-    A, B, C, _ = (scipy.linalg.block_diag(*blocks) for blocks in zip(*parts, strict=True))
-    return DelayBank(A, B, C, np.diag([part[3] for part in parts]))
-
-
 def _order_needed(angle: float, tolerance: float) -> int | None:
     for order in range(1, HIGHEST_ORDER + 1):
         if pade_phase_error(order, angle) <= tolerance:
@@ -311,8 +205,8 @@ def _order_needed(angle: float, tolerance: float) -> int | None:
     return None
 
 
-def _warn_if_low(sys: DelaySystem, orders: tuple[int, ...], omega: float) -> None:
-    for n, tau in zip(_channel_orders(sys, orders), sys.channel_delays, strict=True):
+def _warn_if_low(sys: DelaySystem, orders: np.ndarray, omega: float) -> None:
+    for n, tau in zip(orders, sys.channel_delays, strict=True):
         if n and pade_phase_error(int(n), omega * tau) > 1e-2:
             needed = _order_needed(omega * tau, 1e-2) or f"more than {HIGHEST_ORDER}"
             warnings.warn(

@@ -18,24 +18,25 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 
 import control
 import numpy as np
-import scipy.linalg
 
-from susp_ctrl import validation
-from susp_ctrl.delay_systems.approximation.pade import DelayBank, close_bank
+from susp_ctrl.arrays import FloatArray
+from susp_ctrl.delay_systems.approximation.delay_bank import (
+    OneDelay,
+    Orders,
+    channel_orders,
+    with_delays_replaced,
+)
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
-from susp_ctrl.errors import InputError
 
 HIGHEST_ORDER = 400
 
 
-def spectral_approximation(sys: DelaySystem, order: int | Sequence[int]) -> control.StateSpace:
+def spectral_approximation(sys: DelaySystem, order: Orders) -> control.StateSpace:
     """Replace every delay by a transport line with `order` Chebyshev points.
 
     Parameters
@@ -66,30 +67,7 @@ def spectral_approximation(sys: DelaySystem, order: int | Sequence[int]) -> cont
     ----------
     .. [1] D. Breda, S. Maset, R. Vermiglio, SIAM J. Sci. Comput. 27(2), 2005.
     """
-    several = isinstance(order, (Sequence, np.ndarray))
-    given = validation.sequence("order", order) if several else [order] * sys.delays.size
-    if len(given) != sys.delays.size:
-        raise InputError(
-            f"order has {len(given)} entries: one for each of {sys.delays.size} delays is needed"
-        )
-    orders = [validation.integer("order", n, at_least=1, at_most=HIGHEST_ORDER) for n in given]
-    if not several:
-        validation.integer("order", order, at_least=1, at_most=HIGHEST_ORDER)
-    r = sys.realization
-    acts = np.any(np.vstack([r.B2, r.D12, r.D22]) * sys.channel_gains != 0.0, axis=0) & (
-        sys.channel_delays > 0.0
-    )
-    points = np.where(acts, np.repeat(orders, sys.widths), 0).astype(int)
-    lines = [
-        _transport_line(int(n), float(tau)) if n else (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)))
-        for n, tau in zip(points, sys.channel_delays, strict=True)
-    ]
-    direct = np.diag(np.where(acts, 0.0, sys.channel_gains))
-    names = [f"line[{k}][{j}]" for k, n in enumerate(points) for j in range(n)]
-    if not lines:
-        return close_bank(sys, DelayBank(*(np.zeros((0, 0)) for _ in range(4))), names)
-    A, B, C = (scipy.linalg.block_diag(*blocks) for blocks in zip(*lines, strict=True))
-    return close_bank(sys, DelayBank(A, B, sys.channel_gains[:, None] * C, direct), names)
+    return with_delays_replaced(sys, channel_orders(sys, order, HIGHEST_ORDER), _transport_line, "line")
 
 
 def discretized_matrix(K: CharacteristicMatrix, radius: float, largest: int) -> FloatArray:
@@ -129,7 +107,7 @@ def _separate_lines(K: CharacteristicMatrix, points: np.ndarray) -> FloatArray:
     starts = n + np.concatenate([[0], np.cumsum(points)]).astype(int)
     outlets = starts[1:] - 1
     for k, (N, tau) in enumerate(zip(points, K.delays, strict=True)):
-        line, inlet, _ = _transport_line(int(N), float(tau))
+        line, inlet, *_ = _transport_line(int(N), float(tau))
         rows = slice(starts[k], starts[k + 1])
         M[rows, rows] = line
         M[rows, :n] = inlet * K.C[k]
@@ -144,7 +122,7 @@ def _tapped_lines(K: CharacteristicMatrix, rank: int, points: int) -> FloatArray
     combinations = values[:rank, None] * right[:rank]
     mixing = np.linalg.lstsq(combinations.T, K.C.T, rcond=None)[0].T
     longest = float(K.delays.max())
-    line, inlet, _ = _transport_line(points, longest)
+    line, inlet, *_ = _transport_line(points, longest)
     n = K.n_states
     M = np.zeros((n + rank * points, n + rank * points))
     M[:n, :n] = K.A
@@ -169,10 +147,10 @@ def _interpolation(degree: int, x: float) -> FloatArray:
     return np.asarray(weights / weights.sum())
 
 
-def _transport_line(points: int, delay: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A, B, C of one line: from the signal that enters it to the one that leaves it."""
+def _transport_line(points: int, delay: float) -> OneDelay:
+    """One line: from the signal that enters it to the one that leaves it."""
     D = chebyshev_differentiation(points) * (2.0 / delay)
-    return D[1:, 1:], D[1:, :1], np.eye(1, points, points - 1)
+    return OneDelay(D[1:, 1:], D[1:, :1], np.eye(1, points, points - 1), np.zeros((1, 1)))
 
 
 @lru_cache(maxsize=256)

@@ -26,9 +26,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.crossings.delay_line import Coordinate, bordered
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
 
 # Below this (relative) Jacobian a crossing counts as degenerate: it is refined as such and its degree measured.
 _DEGENERATE = 1e-5

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.crossings.axis_zeros import Zeros, polished_zeros, zero_slopes
 from susp_ctrl.delay_systems.crossings.box_exclusion import BoxTest
 from susp_ctrl.delay_systems.crossings.delay_line import Coordinate
 from susp_ctrl.delay_systems.crossings.small_gain import Bands
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import FloatArray
 
 # Boxes that may be tested in one search, and in all searches of one sweep.
 _BOX_BUDGET = 400_000

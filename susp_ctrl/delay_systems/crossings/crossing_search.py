@@ -20,11 +20,11 @@ from typing import Any
 
 import numpy as np
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.crossings.axis_zeros import Zeros, chain_zeros, unit_chain
 from susp_ctrl.delay_systems.crossings.branch_and_bound import Work, search_zeros
 from susp_ctrl.delay_systems.crossings.delay_line import DelayLine, roots_always_on_axis
 from susp_ctrl.delay_systems.crossings.small_gain import Bands, small_gain_bands
-from susp_ctrl.delay_systems.model.lft import FloatArray
 
 # Largest eigenvalue problem of the exact way; above it branch and bound is faster.
 _LARGEST_PENCIL = 200

@@ -33,11 +33,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.crossings.delay_line import delay_line
 from susp_ctrl.delay_systems.crossings.small_gain import frequency_bound, small_gain_bands
 from susp_ctrl.delay_systems.crossings.torus import structured_gain
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization
+from susp_ctrl.delay_systems.model.lft import Realization
 from susp_ctrl.delay_systems.model.perron import perron_bound
 from susp_ctrl.delay_systems.model.rounding import eigenvalues_with_uncertainty
 from susp_ctrl.delay_systems.model.system import DelaySystem

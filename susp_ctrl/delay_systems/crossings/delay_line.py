@@ -26,9 +26,9 @@ from typing import Protocol
 
 import numpy as np
 
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.folding import fold
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.rounding import distance_to_singular, eigenvalues_with_uncertainty
 from susp_ctrl.delay_systems.model.system import DelaySystem
 

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import scipy.optimize
 
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.crossings.delay_line import DelayLine
 from susp_ctrl.delay_systems.crossings.small_gain import small_gain_bands
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

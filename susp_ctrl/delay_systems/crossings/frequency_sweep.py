@@ -31,13 +31,13 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.crossings.axis_zeros import Zeros
 from susp_ctrl.delay_systems.crossings.branch_and_bound import Work
 from susp_ctrl.delay_systems.crossings.crossing_search import Crossings, CrossingSearch
 from susp_ctrl.delay_systems.crossings.delay_line import bordered, delay_line
 from susp_ctrl.delay_systems.crossings.delay_sweep import DelaySweep
 from susp_ctrl.delay_systems.crossings.sweep_books import Bookkeeper, Books, crossing_table
-from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.errors import InputError
 

@@ -17,8 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, closed
+from susp_ctrl.delay_systems.model.lft import closed
 from susp_ctrl.delay_systems.model.perron import perron_bound
 
 _INTERVAL_BUDGET = 200_000

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.crossings.crossing_search import Crossings, CrossingSearch
-from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import count_roots_right_of
 from susp_ctrl.errors import UndecidedStabilityWarning

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
+from susp_ctrl.arrays import ComplexArray, FloatArray
 
 
 def bilinear_coefficients(p22: ComplexArray) -> ComplexArray:

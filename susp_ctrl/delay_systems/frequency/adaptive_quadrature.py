@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.arrays import FloatArray
 
 # Abscissae and weights of the 7-point Gauss, 15-point Kronrod rule (QUADPACK, qk15).
 _NODES = np.array(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import sici
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.model.folding import FoldedLoop
-from susp_ctrl.delay_systems.model.lft import FloatArray
 
 DelayedSum = dict[float, FloatArray]
 

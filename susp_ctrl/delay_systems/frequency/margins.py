@@ -15,9 +15,9 @@ import pandas as pd
 from scipy.optimize import brentq, minimize_scalar
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.frequency.frequency_range import default_band, sampled_band
 from susp_ctrl.delay_systems.frequency.response_bounds import tail_bound
-from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.errors import InputError
 

@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths
-from susp_ctrl.delay_systems.model.lft import FloatArray
 
 
 class LocalResponse(NamedTuple):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 
 Lines = tuple[FloatArray, FloatArray, FloatArray]

@@ -27,6 +27,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.integrators.cells import gauss_rule
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs
 from susp_ctrl.delay_systems.integrators.kinks import MANY_KNOTS, propagated_kinks
@@ -34,7 +35,6 @@ from susp_ctrl.delay_systems.integrators.panels import CellGroup, PanelSolver
 from susp_ctrl.delay_systems.integrators.signal_memory import SignalMemory
 from susp_ctrl.delay_systems.integrators.trajectory import Past, Run
 from susp_ctrl.delay_systems.model.folding import FoldedLoop
-from susp_ctrl.delay_systems.model.lft import FloatArray
 
 _EPS = float(np.finfo(float).eps)
 _NODES = 24

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.integrators.cells import PlantCoordinates, gauss_rule
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs
 from susp_ctrl.delay_systems.integrators.trajectory import Run
 from susp_ctrl.delay_systems.integrators.uniform_cells import FASTEST_DECAY, UniformCells
 from susp_ctrl.delay_systems.integrators.uniform_march import TooCoarseError, UniformMarch
 from susp_ctrl.delay_systems.model.folding import FoldedLoop
-from susp_ctrl.delay_systems.model.lft import FloatArray
 
 _EPS = float(np.finfo(float).eps)
 _NODES = (6, 8, 10, 14, 20)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.integrators.cells import GaussRule
 from susp_ctrl.delay_systems.integrators.trajectory import Past
-from susp_ctrl.delay_systems.model.lft import FloatArray
 
 
 class SignalMemory:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.integrators.cells import GaussRule, PlantCoordinates
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization
+from susp_ctrl.delay_systems.model.lft import Realization
 
 _POINTS = 24  # of the quadrature over a cell: exact to rounding for decays up to e^-FASTEST_DECAY
 FASTEST_DECAY = 12.0

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import scipy.ndimage
 
-from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.arrays import FloatArray
 
 # Raster on which connected regions are told apart, how many of them are counted independently, and how many
 # points along each axis besides.

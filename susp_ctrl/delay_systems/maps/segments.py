@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 import scipy.spatial
 
-from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.arrays import FloatArray
 
 _BINS = 1024
 

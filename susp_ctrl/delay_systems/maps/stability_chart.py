@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.maps.regions import MapRegions
 from susp_ctrl.delay_systems.maps.segments import Segments
-from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.errors import InputError
 
 if TYPE_CHECKING:

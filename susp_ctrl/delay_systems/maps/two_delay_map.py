@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.crossings.delay_line import delay_line, roots_always_on_axis
 from susp_ctrl.delay_systems.crossings.frequency_sweep import sweep_delays
 from susp_ctrl.delay_systems.maps.crossing_plane import Axis, CrossingPlane
@@ -35,7 +36,6 @@ from susp_ctrl.delay_systems.maps.segments import Segments
 from susp_ctrl.delay_systems.maps.shared_delays import trace_blocks
 from susp_ctrl.delay_systems.maps.stability_chart import StabilityMap
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import count_unstable_roots
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning

@@ -22,7 +22,8 @@ import numpy as np
 import scipy.linalg
 from control.lti import LTI
 
-from susp_ctrl.delay_systems.model.lft import FloatArray, Realization, closed
+from susp_ctrl.arrays import FloatArray
+from susp_ctrl.delay_systems.model.lft import Realization, closed
 from susp_ctrl.delay_systems.model.signal_names import are_generic, names_together, positions
 from susp_ctrl.errors import InputError
 

@@ -22,15 +22,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths
-from susp_ctrl.delay_systems.model.lft import (
-    ComplexArray,
-    FloatArray,
-    Realization,
-    closed,
-    return_solve,
-    sample_plant,
-)
+from susp_ctrl.delay_systems.model.lft import Realization, closed, return_solve, sample_plant
 from susp_ctrl.delay_systems.model.perron import certified_radius
 from susp_ctrl.delay_systems.model.rounding import eigenvalues_with_uncertainty
 from susp_ctrl.errors import InputError

@@ -12,7 +12,8 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization, closed
+from susp_ctrl.arrays import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.model.lft import Realization, closed
 from susp_ctrl.errors import InputError, NeutralLoopError
 
 

@@ -35,8 +35,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from susp_ctrl.arrays import ComplexArray, FloatArray
 
 
 def closed(m11: NDArray[Any], m12: NDArray[Any], m21: NDArray[Any], m22: NDArray[Any]) -> NDArray[Any]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from susp_ctrl.delay_systems.model.lft import ComplexArray, Realization, lft_response, sample_plant
+from susp_ctrl.arrays import ComplexArray
+from susp_ctrl.delay_systems.model.lft import Realization, lft_response, sample_plant
 
 # Near a pole of P that the loop moves, P22 is large and H comes from P by cancellation. Beyond this size (three
 # digits) the closed matrix is solved directly.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from susp_ctrl.delay_systems.model.lft import FloatArray
+from susp_ctrl.arrays import FloatArray
 
 
 def perron_bound(matrices: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
+from susp_ctrl.arrays import ComplexArray, FloatArray
 
 _EPSILON = float(np.finfo(float).eps)
 # Roundings that go into an entry: folding, balancing and the sums themselves.

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.model.lft import FloatArray, Realization
+from susp_ctrl.arrays import FloatArray
+from susp_ctrl.delay_systems.model.lft import Realization
 from susp_ctrl.errors import InputError
 
 

@@ -30,9 +30,10 @@ from control.lti import LTI
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model import arithmetic
 from susp_ctrl.delay_systems.model.folding import FoldedLoop, fold, refuse_neutral
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray, Realization
+from susp_ctrl.delay_systems.model.lft import Realization
 from susp_ctrl.delay_systems.model.loop_response import loop_response
 from susp_ctrl.delay_systems.model.signal_names import checked_names, signal_labels, system_name
 from susp_ctrl.delay_systems.model.state_delays import state_delay_realization

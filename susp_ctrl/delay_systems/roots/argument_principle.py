@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix, Points
-from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.delay_systems.model.perron import perron_bound
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import ContourError, count_right_of
 from susp_ctrl.delay_systems.roots.rightmost import rightmost_roots

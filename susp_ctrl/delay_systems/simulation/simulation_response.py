@@ -8,8 +8,8 @@ from typing import Any
 import control
 import numpy as np
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.integrators.trajectory import Run
-from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
 
 

@@ -28,10 +28,10 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.approximation.orders import approximation
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs, as_inputs
 from susp_ctrl.delay_systems.integrators.trajectory import Past, side_by_side
-from susp_ctrl.delay_systems.model.lft import FloatArray
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.simulation.history import past_of
 from susp_ctrl.delay_systems.simulation.march_choice import run_exact
