@@ -31,6 +31,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import elementwise
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import ComplexArray, FloatArray
@@ -273,7 +274,10 @@ def _peaks(
         & (values > 0.98 * values.max())
     )  # fmt: skip
     low, high = omega[np.maximum(peak - 1, 0)], omega[np.minimum(peak + 1, omega.size - 1)]
-    found = _golden(at, low, high)
+    inside = (low < omega[peak]) & (omega[peak] < high)
+    bracket = low[inside], omega[peak][inside], high[inside]
+    minimum = elementwise.find_minimum(lambda w: -at(w), bracket, tolerances={"xrtol": 1e-9})
+    found = minimum.x[minimum.success]
     candidates = np.concatenate([found, omega[peak]])
     return candidates, at(candidates)
 
@@ -287,23 +291,6 @@ def _reached_again(loop: CharacteristicMatrix, value: Callable[[ComplexArray], F
     # A tie that is no part of the maximum at zero has lower values before it.
     lower = omega[values < 1.0 - 2.0 * _RESOLUTION]
     return bool(lower.size and np.any(tied > lower.min()))
-
-
-def _golden(at: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
-    """Golden-section search for a maximum in many intervals at once."""
-    ratio = 0.5 * (np.sqrt(5.0) - 1.0)
-    left, right = high - ratio * (high - low), low + ratio * (high - low)
-    f_left, f_right = at(left), at(right)
-    for _ in range(32):
-        lower = f_left >= f_right
-        low, high = np.where(lower, low, left), np.where(lower, right, high)
-        new = np.where(lower, high - ratio * (high - low), low + ratio * (high - low))
-        f_new = at(new)
-        left, right, f_left, f_right = (
-            np.where(lower, new, right), np.where(lower, left, new),
-            np.where(lower, f_new, f_right), np.where(lower, f_left, f_new),
-        )  # fmt: skip
-    return 0.5 * (low + high)
 
 
 def _spectral_radius(P: ComplexArray) -> FloatArray:

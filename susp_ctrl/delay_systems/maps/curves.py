@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.optimize import elementwise
 
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.crossings.small_gain import Bands, small_gain_bands
@@ -298,12 +299,8 @@ def _zero_frequency(plane: CrossingPlane) -> Segments:
     value = slope(t)
     # Where it vanishes a second root is at zero: there a curve of pairs ends, and the sense of this one turns.
     turning = np.flatnonzero(value[1:] * value[:-1] < 0.0)
-    low, high = t[turning], t[turning + 1]
-    for _ in range(45):
-        middle = 0.5 * (low + high)
-        same = slope(middle) * value[turning] > 0.0
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    t = np.sort(np.concatenate([t, 0.5 * (low + high)]))
+    turns = elementwise.find_root(slope, (t[turning], t[turning + 1])).x
+    t = np.sort(np.concatenate([t, turns]))
     points = curve(t)
     start, end = points[:-1], points[1:]
     usable = np.all(np.isfinite(start) & np.isfinite(end), axis=1)
