@@ -17,6 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 
+LONGEST_DELAY = 1e9
+"""Longest delay that is taken (s): beyond it the phase of ``e^{-s tau}`` has no digits at any frequency of use."""
+
 
 def number(
     name: str,
@@ -59,6 +62,22 @@ def integer(name: str, value: Any, *, at_least: int | None = None, at_most: int 
     result = int(value)
     if (at_least is not None and result < at_least) or (at_most is not None and result > at_most):
         raise InputError(f"{name} = {result} is not allowed: {wanted} is needed")
+    return result
+
+
+def delay(name: str, value: Any) -> float:
+    """Return `value` as a delay in seconds: from zero to `LONGEST_DELAY`."""
+    return number(name, value, at_least=0.0, at_most=LONGEST_DELAY)
+
+
+def delays(name: str, value: ArrayLike, *, size: int | None = None) -> FloatArray:
+    """Return `value` as delays in seconds: each from zero to `LONGEST_DELAY`."""
+    result = vector(name, value, size=size, at_least=0.0)
+    if result.max(initial=0.0) > LONGEST_DELAY:
+        bad = int(np.argmax(result))
+        raise InputError(
+            f"{name}[{bad}] = {result[bad]:g} is not allowed: at most {LONGEST_DELAY:g} is needed"
+        )
     return result
 
 

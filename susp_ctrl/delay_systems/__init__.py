@@ -28,9 +28,10 @@ from susp_ctrl.delay_systems.roots.root_loci import RootLocus, root_locus
 from susp_ctrl.delay_systems.simulation.simulation_response import SimulationResponse
 from susp_ctrl.delay_systems.simulation.sinusoidal import steady_response
 from susp_ctrl.delay_systems.simulation.time_response import simulate, simulate_many
-from susp_ctrl.delay_systems.verdict import StabilityVerdict, stability
+from susp_ctrl.delay_systems.verdict import VERDICT_WORDS, StabilityVerdict, stability
 
 __all__ = [
+    "VERDICT_WORDS",
     "DelayIndependence",
     "DelayLTI",
     "DelaySweep",

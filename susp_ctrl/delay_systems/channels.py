@@ -50,7 +50,7 @@ class FeedbackChannel:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gain", validation.number("gain", self.gain))
-        object.__setattr__(self, "delay", validation.number("delay", self.delay, at_least=0.0))
+        object.__setattr__(self, "delay", validation.delay("delay", self.delay))
         if self.actuator_bandwidth is not None:
             bandwidth = validation.number("actuator_bandwidth", self.actuator_bandwidth, above=0.0)
             object.__setattr__(self, "actuator_bandwidth", bandwidth)

@@ -53,7 +53,7 @@ def delay(
     >>> G = ct.tf([1], [1, 1])
     >>> sensitivity = sc.feedback(1, G * (sc.delay(2) + sc.delay(3)))
     """
-    taus = validation.vector("tau", tau, at_least=0.0)
+    taus = validation.delays("tau", tau)
     k = taus.size
     through = np.eye(2 * k)[np.r_[k : 2 * k, :k]]
     return DelayLTI(

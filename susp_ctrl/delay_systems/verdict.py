@@ -39,6 +39,9 @@ from susp_ctrl.delay_systems.roots.rightmost import (
 )
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
+VERDICT_WORDS = {True: "stable", False: "unstable", None: "undecided"}
+"""What the three answers are called wherever they are told."""
+
 ROOTS, ARGUMENT, SWEEP = "roots", "argument principle", "sweep"
 # What the discretisation resolves until the methods agree: multiples of a first angle |s| tau, with which it is
 # small, and of the modulus within which all unstable roots lie.
@@ -84,7 +87,7 @@ class StabilityVerdict:
         )
 
     def __str__(self) -> str:
-        word = {True: "stable", False: "unstable", None: "undecided"}[self.stable]
+        word = VERDICT_WORDS[self.stable]
         counts = ", ".join(f"{name} {'-' if n is None else n}" for name, n in self.agreement.items())
         return (
             f"{word}: {self.reason}\n"

@@ -6,7 +6,7 @@ import numpy as np
 
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import small_gain_of_samples
-from susp_ctrl.delay_systems.model.lft import Realization, sample_plant
+from susp_ctrl.delay_systems.model.lft import Realization, around_resonances, sample_plant
 
 GRID_POINTS = 3000
 POINTS_PER_POLE = 300
@@ -51,7 +51,6 @@ def _grid(r: Realization, top: float) -> FloatArray:
     """Zero, a logarithmic grid, and points around every resonance as dense as it is narrow."""
     poles = r.eigenvalues[r.eigenvalues.imag > 0]
     low = min([*np.abs(r.eigenvalues), 1.0]) * 1e-2
-    around = np.tan(np.linspace(-1.5, 1.5, POINTS_PER_POLE))
-    bells = (poles.imag[:, None] + np.abs(poles.real)[:, None] * around).ravel()
+    bells = around_resonances(poles, np.tan(np.linspace(-1.5, 1.5, POINTS_PER_POLE)))
     grid = np.concatenate([[0.0], np.geomspace(max(low, 1e-9 * top), top, GRID_POINTS), bells])
     return np.unique(grid[(grid >= 0) & (grid <= top)])

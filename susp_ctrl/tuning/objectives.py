@@ -124,7 +124,19 @@ class Harmonic:
 
 
 @dataclass(frozen=True, eq=False)
-class BandMean:
+class _OverBand:
+    omega: ArrayLike
+    weights: Mapping[str, float]
+    lags: Mapping[str, float] | None = None
+    weighting: Mapping[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "omega", _band(self.omega))
+        _check_weights_and_lags(self)
+
+
+@dataclass(frozen=True, eq=False)
+class BandMean(_OverBand):
     r"""Mean of eq. (6) over a band: :math:`\int J \, d\omega / (\omega_2 - \omega_1)`.
 
     Parameters
@@ -141,15 +153,7 @@ class BandMean:
         For an empty band, or numbers out of range.
     """
 
-    omega: ArrayLike
-    weights: Mapping[str, float]
-    lags: Mapping[str, float] | None = None
-    weighting: Mapping[str, str] | None = None
     smooth = True
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "omega", _band(self.omega))
-        _check_weights_and_lags(self)
 
     def bind(self, plant: ControlledPlant) -> SampledObjective:
         """Return the objective with the plant sampled over the band."""
@@ -162,7 +166,7 @@ class BandMean:
 
 
 @dataclass(frozen=True, eq=False)
-class BandPeak:
+class BandPeak(_OverBand):
     r"""Largest value of eq. (6) over a band: :math:`\max_\omega J(\omega)` on a grid.
 
     Parameters
@@ -179,15 +183,7 @@ class BandPeak:
         For an empty band, or numbers out of range.
     """
 
-    omega: ArrayLike
-    weights: Mapping[str, float]
-    lags: Mapping[str, float] | None = None
-    weighting: Mapping[str, str] | None = None
     smooth = False
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "omega", _band(self.omega))
-        _check_weights_and_lags(self)
 
     def bind(self, plant: ControlledPlant) -> SampledObjective:
         """Return the objective with the plant sampled over the band."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, NamedTuple
@@ -152,8 +152,8 @@ class TuningProblem:
         }
         self.pairs = _checked_pairs(pairs)
         m = len(self.pairs)
-        gains = _bounds("gain_bounds", gain_bounds, m)
-        delays = _bounds("delay_bounds", delay_bounds, m, at_least=0.0)
+        gains = _bounds("gain_bounds", gain_bounds, m, validation.vector)
+        delays = _bounds("delay_bounds", delay_bounds, m, validation.delays)
         self.lower = np.concatenate([gains[:, 0], delays[:, 0]])
         self.upper = np.concatenate([gains[:, 1], delays[:, 1]])
         self.decay_rate = validation.number("decay_rate", decay_rate, at_least=0)
@@ -287,7 +287,7 @@ def _checked_pairs(pairs: Any) -> tuple[tuple[str, str], ...]:
     return clean
 
 
-def _bounds(name: str, bounds: Any, count: int, at_least: float | None = None) -> FloatArray:
+def _bounds(name: str, bounds: Any, count: int, checked: Callable[..., FloatArray]) -> FloatArray:
     """Return bounds as (count, 2); one (lower, upper) serves all."""
     try:
         array = np.asarray(bounds, dtype=float)
@@ -300,7 +300,7 @@ def _bounds(name: str, bounds: Any, count: int, at_least: float | None = None) -
             f"{name} = {bounds!r} is not allowed: one (lower, upper) for each of {count} pairs is needed"
         )
     for k, row in enumerate(array):
-        low, high = validation.vector(f"{name}[{k}]", row, at_least=at_least)
+        low, high = checked(f"{name}[{k}]", row)
         if low > high:
             raise InputError(f"{name}[{k}] = ({low:g}, {high:g}) is not allowed: lower is above upper")
     return array

@@ -13,6 +13,7 @@ import scipy.optimize
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.crossings.delay_line import DelayLine
 from susp_ctrl.delay_systems.crossings.small_gain import small_gain_bands
+from susp_ctrl.delay_systems.model.lft import around_resonances
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -179,7 +180,6 @@ def _display_frequencies(line: DelayLine, crossings: FloatArray) -> FloatArray:
     high = high or 1.0
     even = np.linspace(0.0, high, 801)[1:]
     low = np.geomspace(high * 1e-3, high, 200)
-    width = np.maximum(np.abs(poles.real), 1e-6 * high)
-    around = np.abs(poles.imag)[:, None] + width[:, None] * np.linspace(-3.0, 3.0, 61)
-    omega = np.unique(np.concatenate([even, low, around.ravel(), crossings]))
+    around = around_resonances(poles, np.linspace(-3.0, 3.0, 61), narrowest=1e-6 * high)
+    omega = np.unique(np.concatenate([even, low, around, crossings]))
     return omega[(omega > 0.0) & (omega <= high)]

@@ -84,7 +84,7 @@ def sweep_delays(
     system = DelaySystem.of(sys, "sys")
     n = system.delays.size
     d = _per_delay("direction", 1.0 if direction is None else direction, n)
-    s = validation.vector("start", _per_delay("start", 0.0 if start is None else start, n), at_least=0.0)
+    s = validation.delays("start", _per_delay("start", 0.0 if start is None else start, n))
     end = validation.number("up_to", up_to, above=0.0)
     if n and not np.any(d):
         raise InputError("direction is zero: at least one delay has to grow")

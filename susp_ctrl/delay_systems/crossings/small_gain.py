@@ -19,7 +19,7 @@ import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import closed
+from susp_ctrl.delay_systems.model.lft import closed, inverses
 from susp_ctrl.delay_systems.model.perron import perron_bound
 
 _INTERVAL_BUDGET = 200_000
@@ -138,17 +138,3 @@ def off_axis(loop: CharacteristicMatrix) -> tuple[CharacteristicMatrix, float]:
         if room > 3e-2:
             break
     return best, best_K
-
-
-def inverses(matrices: np.ndarray) -> ComplexArray:
-    """Invert many matrices; a singular one gives infinite entries."""
-    if matrices.shape[-1] == 1:
-        with np.errstate(all="ignore"):
-            return np.asarray(1.0 / matrices, dtype=complex)
-    try:
-        return np.asarray(np.linalg.inv(matrices), dtype=complex)
-    except np.linalg.LinAlgError:
-        singular = np.linalg.det(matrices) == 0.0
-        result = np.full_like(matrices, np.inf)
-        result[~singular] = np.linalg.inv(matrices[~singular])
-        return result

@@ -19,6 +19,7 @@ from susp_ctrl.delay_systems.frequency.adaptive_quadrature import integrate
 from susp_ctrl.delay_systems.frequency.high_frequency import leading_terms, squared_tail
 from susp_ctrl.delay_systems.frequency.response_bounds import local_response, tail_bound
 from susp_ctrl.delay_systems.model.folding import FoldedLoop
+from susp_ctrl.delay_systems.model.lft import around_resonances
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
 from susp_ctrl.delay_systems.verdict import stability
@@ -277,8 +278,7 @@ def _knots(system: DelaySystem, highest: float) -> FloatArray:
     """Where the integrand has its peaks: quadrature must not step over them."""
     roots = characteristic_roots(system, 12)
     upper = roots[roots.imag >= 0.0]
-    offsets = np.array([-30.0, -10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0, 30.0])
-    points = (upper.imag[:, None] + np.abs(upper.real)[:, None] * offsets).ravel()
+    points = around_resonances(upper, np.array([-30.0, -10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0, 30.0]))
     return np.unique(points[(points > 0.0) & (points < highest)])
 
 

@@ -21,8 +21,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
-from susp_ctrl.arrays import FloatArray
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths
+from susp_ctrl.delay_systems.model.lft import inverses
 
 
 class LocalResponse(NamedTuple):
@@ -56,29 +57,9 @@ def local_response(loop: FoldedLoop, omega: FloatArray, half: FloatArray) -> Loc
         Centres and half widths (rad/s).
     """
     plant, tau = loop
-    n, m, k = plant.n_states, plant.n_channels, omega.size
-    s = np.asarray(1j * omega, dtype=np.complex128)
-    E = loop.exponentials(s)
-    size = n + m
-    M = np.zeros((k, size, size), dtype=complex)
-    M[:, :n, :n] = -plant.A
-    M[:, :n, n:] = -plant.B2
-    M[:, n:, :n] = -E[:, :, None] * plant.C2
-    M[:, n:, n:] = -E[:, :, None] * plant.D22
-    index = np.arange(size)
-    M[:, index, index] += np.where(index < n, s[:, None], 1.0)
-    N = np.zeros((k, size, plant.n_inputs), dtype=complex)
-    N[:, :n], N[:, n:] = plant.B1, E[:, :, None] * plant.D21
-    turn = (-1j * tau * E)[:, :, None]
-    M1, N1 = np.zeros_like(M), np.zeros_like(N)
-    M1[:, np.arange(n), np.arange(n)] = 1j
-    M1[:, n:, :n], M1[:, n:, n:], N1[:, n:] = -turn * plant.C2, -turn * plant.D22, turn * plant.D21
-    L = np.hstack([plant.C1, plant.D12])
-
-    X = np.linalg.inv(M)
-    v = X @ N
-    dv = X @ (N1 - M1 @ v)
-    value, derivative = plant.D11 + L @ v, L @ dv
+    n, size = plant.n_states, plant.n_states + plant.n_channels
+    X, L, v, dv = _expanded(loop, np.asarray(1j * omega, dtype=complex))
+    value, derivative = plant.D11 + L @ v, 1j * (L @ dv)
 
     reach, steps = np.abs(X), half[:, None, None]
     delayed = np.hstack([np.abs(plant.C2), np.abs(plant.D22)])
@@ -92,14 +73,40 @@ def local_response(loop: FoldedLoop, omega: FloatArray, half: FloatArray) -> Loc
     missed = steps**2 * (second_input + second @ np.abs(v) + first @ np.abs(dv))
     contraction = reach @ first * steps
     # (I - contraction)^-1 is a sum of non-negative powers where the norm is below one half
-    norm = contraction.sum(axis=2).max(axis=1) if size else np.zeros(k)
+    norm = contraction.sum(axis=2).max(axis=1) if size else np.zeros(omega.size)
     certain = norm < 0.5
-    remainder = np.full(k, np.inf)
+    remainder = np.full(omega.size, np.inf)
     if np.any(certain):
         inverse = np.linalg.inv(np.eye(size) - contraction[certain])
         beyond = np.abs(L) @ inverse @ reach[certain] @ missed[certain]
         remainder[certain] = np.sqrt((beyond**2).sum(axis=(1, 2)))
     return LocalResponse(value, derivative, remainder)
+
+
+def value_and_derivative(loop: FoldedLoop, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return H and dH/ds at any points s, each of shape (points, outputs, inputs); not finite at poles."""
+    _, L, v, dv = _expanded(loop, s)
+    return loop.plant.D11 + L @ v, L @ dv
+
+
+def _expanded(
+    loop: FoldedLoop, s: ComplexArray
+) -> tuple[ComplexArray, FloatArray, ComplexArray, ComplexArray]:
+    """Return ``M^-1``, L, and the unknowns v with their derivative dv/ds."""
+    plant, tau = loop
+    n, m, k = plant.n_states, plant.n_channels, s.size
+    E, one = loop.exponentials(s)[:, :, None], np.eye(n + m)
+    around, driven = np.hstack([plant.C2, plant.D22]), plant.D21
+    M, N = np.zeros((k, n + m, n + m), dtype=complex), np.zeros((k, n + m, plant.n_inputs), dtype=complex)
+    M[:, :n] = s[:, None, None] * one[:n] - np.hstack([plant.A, plant.B2])
+    M[:, n:] = one[n:] - E * around
+    N[:, :n], N[:, n:] = plant.B1, E * driven
+    turn = -tau[:, None] * E
+    M1, N1 = np.zeros_like(M), np.zeros_like(N)
+    M1[:, :n], M1[:, n:], N1[:, n:] = one[:n], -turn * around, turn * driven
+    X = inverses(M)
+    v = X @ N
+    return X, np.hstack([plant.C1, plant.D12]), v, X @ (N1 - M1 @ v)
 
 
 class TailBound(NamedTuple):

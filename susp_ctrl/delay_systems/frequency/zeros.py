@@ -15,6 +15,8 @@ import scipy.linalg
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
 from susp_ctrl.delay_systems.frequency.frequency_range import default_band
+from susp_ctrl.delay_systems.frequency.response_bounds import value_and_derivative
+from susp_ctrl.delay_systems.model.lft import inverses
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.errors import InputError
 
@@ -91,7 +93,7 @@ def _newton(sys: DelaySystem, s: np.ndarray) -> np.ndarray:
     origin = s
     for _ in range(_STEPS):
         with np.errstate(all="ignore"):
-            slope = _logarithmic_derivative(sys, s, 1e-5 * scale)
+            slope = _logarithmic_derivative(sys, s)
             step = np.where(np.isfinite(slope) & (slope != 0.0), 1.0 / slope, 0.0)
         # never further than the starting values can be off
         step = step * np.minimum(1.0, 0.5 * scale / np.maximum(np.abs(step), 1e-300))
@@ -105,14 +107,10 @@ def _newton(sys: DelaySystem, s: np.ndarray) -> np.ndarray:
     return np.where(np.abs(s.imag) < 1e-9 * (1.0 + np.abs(s)), s.real + 0j, s)
 
 
-def _logarithmic_derivative(sys: DelaySystem, s: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """Derivative of log det H by central differences along both axes (error of order h^4)."""
-    offsets = h * np.array([[1.0], [1j], [-1.0], [-1j]])
-    points = np.concatenate([s, (s + offsets).ravel()])
-    determinants = np.linalg.det(np.moveaxis(sys(points, squeeze=False), -1, 0)).reshape(5, s.size)
-    centre, around = determinants[0], determinants[1:]
-    derivative = (around * np.array([[1.0], [-1j], [-1.0], [1j]])).sum(axis=0) / (4.0 * h)
-    return derivative / centre
+def _logarithmic_derivative(sys: DelaySystem, s: np.ndarray) -> np.ndarray:
+    """Derivative of log det H; not finite at poles."""
+    value, derivative = value_and_derivative(sys.folded, s)
+    return np.trace(inverses(value) @ derivative, axis1=1, axis2=2)
 
 
 def _distinct(points: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from susp_ctrl.delay_systems.crossings.small_gain import Bands, small_gain_bands
 from susp_ctrl.delay_systems.maps.crossing_plane import Axis, CrossingPlane
 from susp_ctrl.delay_systems.maps.segments import Segments
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.model.lft import around_resonances
 
 # Largest distance of a chord from the curve, relative to the ranges, and rounds of halving to get there.
 _CHORD = 2e-5
@@ -137,10 +138,8 @@ def _trace(plane: CrossingPlane, low: float, high: float, from_zero: bool) -> Se
         return np.clip(middle - half * np.cos(np.pi * t), low, high)
 
     poles = np.linalg.eigvals(plane.loop.A)
-    clusters = (
-        np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * np.array([-1.0, 0.0, 1.0])
-    ).ravel()
-    clusters = np.concatenate([clusters, np.geomspace(low, high, 16)])
+    resonances = around_resonances(poles, np.array([-1.0, 0.0, 1.0]))
+    clusters = np.concatenate([resonances, np.geomspace(low, high, 16)])
     clusters = clusters[(clusters > low) & (clusters < high)]
     t = np.unique(np.concatenate([np.linspace(0.0, 1.0, 33), np.arccos((middle - clusters) / half) / np.pi]))
     u, v, side = plane.points(frequencies(t))

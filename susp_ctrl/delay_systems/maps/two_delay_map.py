@@ -151,7 +151,8 @@ def _axes(
     axes = []
     for name, value in free.items():
         kind = "delay" if name.startswith("tau") else "gain"
-        bounds = validation.vector(name, value, size=2, at_least=0.0 if kind == "delay" else None)
+        checked = validation.delays if kind == "delay" else validation.vector
+        bounds = checked(name, value, size=2)
         if bounds[0] >= bounds[1]:
             raise InputError(
                 f"{name} = ({bounds[0]:g}, {bounds[1]:g}) is not allowed: an increasing pair is needed"

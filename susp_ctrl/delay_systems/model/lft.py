@@ -180,6 +180,26 @@ class Realization:
         return M[..., :n, :n], M[..., :n, n:], M[..., n:, :n], M[..., n:, n:]
 
 
+def inverses(matrices: np.ndarray) -> ComplexArray:
+    """Invert many matrices; a singular one gives infinite entries."""
+    if matrices.shape[-1] == 1:
+        with np.errstate(all="ignore"):
+            return np.asarray(1.0 / matrices, dtype=complex)
+    try:
+        return np.asarray(np.linalg.inv(matrices), dtype=complex)
+    except np.linalg.LinAlgError:
+        singular = np.linalg.det(matrices) == 0.0
+        result = np.full_like(matrices, np.inf)
+        result[~singular] = np.linalg.inv(matrices[~singular])
+        return result
+
+
+def around_resonances(poles: NDArray[Any], offsets: NDArray[Any], narrowest: float = 0.0) -> FloatArray:
+    """Return frequencies at `offsets`, in half widths, around the resonance of every pole, unsorted."""
+    width = np.maximum(np.abs(poles.real), narrowest)
+    return np.asarray(np.abs(poles.imag)[:, None] + width[:, None] * offsets).ravel()
+
+
 class SampledPlant(NamedTuple):
     """P at given points s: four blocks with axes (point, output, input)."""
 

@@ -54,7 +54,7 @@ def state_delay_realization(
     A = validation.sequence("A", A)
     if len(A) == 0:
         raise InputError("A is empty: a sequence [A0, A1, ...] is needed")
-    tau = validation.vector("delays", delays, at_least=0.0)
+    tau = validation.delays("delays", delays)
     if tau.size != len(A) - 1:
         raise InputError(
             f"delays has {tau.size} entries: one for each of the {len(A) - 1} matrices A[1:] is needed"
@@ -99,7 +99,7 @@ def _input_term(j: int, term: Any, n: int) -> tuple[FloatArray, float]:
         raise InputError(f"input_terms[{j}] has {len(pair)} entries: a pair (matrix, delay) is needed")
     return (
         validation.matrix(f"input_terms[{j}]", pair[0], rows=n),
-        validation.number(f"input_terms[{j}] delay", pair[1], at_least=0.0),
+        validation.delay(f"input_terms[{j}] delay", pair[1]),
     )
 
 

@@ -59,7 +59,7 @@ class DelaySystem(LTI):
         states: Sequence[str] | None = None,
         name: str | None = None,
     ) -> None:
-        tau = validation.vector("delays", delays, at_least=0.0)
+        tau = validation.delays("delays", delays)
         g = np.ones(tau.size) if gains is None else validation.vector("gains", gains, size=tau.size)
         blocks = (
             [1] * tau.size
@@ -242,7 +242,7 @@ class DelaySystem(LTI):
         InputError
             If their number differs, or one is negative or not finite.
         """
-        return self._with(delays=validation.vector("delays", delays, size=self._delays.size, at_least=0.0))
+        return self._with(delays=validation.delays("delays", delays, size=self._delays.size))
 
     def with_gains(self, gains: ArrayLike) -> Self:
         """Return the same system with other gains, one for each of `gains`.
