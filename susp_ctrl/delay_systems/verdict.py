@@ -25,7 +25,7 @@ import numpy as np
 
 from susp_ctrl.arrays import ComplexArray
 from susp_ctrl.delay_systems.crossings.crossing_search import CrossingSearch
-from susp_ctrl.delay_systems.crossings.delay_line import delay_line
+from susp_ctrl.delay_systems.crossings.delay_line import DelayLine
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
 from susp_ctrl.delay_systems.model.system import DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import ContourError, abscissa_by_counts, count_right_of
@@ -261,7 +261,7 @@ def _count_by_sweep(system: DelaySystem, expected: int | None) -> int | None:
     The crossings come from a search that asks neither roots nor counts. Where the first way of finding contradicts
     `expected` the others are asked as well; if they contradict each other the sweep cannot tell.
     """
-    line = delay_line(system, system.delays, np.zeros(system.delays.size), 1.0)
+    line = DelayLine.of(system, system.delays, np.zeros(system.delays.size), 1.0)
     search = CrossingSearch(line)
     poles, uncertain = line.matrices.undelayed_eigenvalues()
     if search.axis_roots or np.any(np.abs(poles.real) <= np.maximum(uncertain, 1e-9 * np.abs(poles))):

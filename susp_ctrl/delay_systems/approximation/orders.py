@@ -28,7 +28,7 @@ _SHARE = 0.05
 _SPARE_POINTS = 10
 
 
-def approximation(
+def approximated(
     system: DelaySystem, method: str, order: Any, bandwidth: float | None
 ) -> tuple[control.StateSpace, int | tuple[int, ...]]:
     """Return the approximating system and its order.

@@ -35,7 +35,7 @@ from scipy.optimize import elementwise
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.crossings.delay_line import delay_line
+from susp_ctrl.delay_systems.crossings.delay_line import DelayLine
 from susp_ctrl.delay_systems.crossings.small_gain import frequency_bound, small_gain_bands
 from susp_ctrl.delay_systems.crossings.torus import structured_gain
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
@@ -303,7 +303,7 @@ def _free_loop(system: DelaySystem) -> tuple[CharacteristicMatrix, np.ndarray]:
     """Return the channels in loops, all delays being free, and the number of the delay of each channel."""
     n = system.delays.size
     # A direction of its own for each delay keeps them apart, and marks the channels.
-    line = delay_line(system.with_delays(np.ones(n)), np.arange(1.0, n + 1.0), np.zeros(n), 1.0)
+    line = DelayLine.of(system.with_delays(np.ones(n)), np.arange(1.0, n + 1.0), np.zeros(n), 1.0)
     return line.matrices, np.rint(line.direction).astype(int) - 1
 
 

@@ -110,6 +110,19 @@ class DelayLine:
     multiples: FloatArray | None
     offset: float | None
 
+    @classmethod
+    def of(cls, sys: DelaySystem, direction: FloatArray, start: FloatArray, up_to: float) -> DelayLine:
+        """Fold the loop along a line: channels that never have a delay are closed, those outside the loop dropped."""
+        per_channel = np.repeat(start, sys.widths), np.repeat(direction, sys.widths)
+        delayed = (per_channel[0] != 0.0) | (per_channel[1] != 0.0)
+        # fold() closes channels of delay zero; the others carry their own number as a marker.
+        markers = np.where(delayed, 1.0 + np.arange(delayed.size), 0.0)
+        matrices = CharacteristicMatrix.of(fold(sys.realization, sys.channel_gains, markers))
+        position = np.rint(matrices.delays).astype(int) - 1
+        matrices, s, d = _merged(matrices, per_channel[0][position], per_channel[1][position])
+        step, multiples = _commensurate(d)
+        return cls(matrices, s, d, up_to, step, multiples, _offset(s, d) if step is not None else None)
+
     @property
     def varies(self) -> bool:
         """Whether any delay in the loop depends on tau."""
@@ -159,19 +172,6 @@ class DelayLine:
         last = np.floor((rate * (offset + self.up_to) - theta + slack) / (2.0 * np.pi))
         turns = np.arange(first, last + 1.0)
         return np.clip((theta + 2.0 * np.pi * turns) / rate - offset, 0.0, self.up_to)
-
-
-def delay_line(sys: DelaySystem, direction: FloatArray, start: FloatArray, up_to: float) -> DelayLine:
-    """Fold the loop along a line: channels that never have a delay are closed, those outside the loop dropped."""
-    per_channel = np.repeat(start, sys.widths), np.repeat(direction, sys.widths)
-    delayed = (per_channel[0] != 0.0) | (per_channel[1] != 0.0)
-    # fold() closes channels of delay zero; the others carry their own number as a marker.
-    markers = np.where(delayed, 1.0 + np.arange(delayed.size), 0.0)
-    matrices = CharacteristicMatrix.of(fold(sys.realization, sys.channel_gains, markers))
-    position = np.rint(matrices.delays).astype(int) - 1
-    matrices, s, d = _merged(matrices, per_channel[0][position], per_channel[1][position])
-    step, multiples = _commensurate(d)
-    return DelayLine(matrices, s, d, up_to, step, multiples, _offset(s, d) if step is not None else None)
 
 
 def bordered(

@@ -35,7 +35,7 @@ from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.crossings.axis_zeros import Zeros
 from susp_ctrl.delay_systems.crossings.branch_and_bound import Work
 from susp_ctrl.delay_systems.crossings.crossing_search import Crossings, CrossingSearch
-from susp_ctrl.delay_systems.crossings.delay_line import bordered, delay_line
+from susp_ctrl.delay_systems.crossings.delay_line import DelayLine, bordered
 from susp_ctrl.delay_systems.crossings.delay_sweep import DelaySweep
 from susp_ctrl.delay_systems.crossings.sweep_books import Bookkeeper, Books, crossing_table
 from susp_ctrl.delay_systems.model.system import DelaySystem
@@ -93,7 +93,7 @@ def sweep_delays(
         raise InputError(f"direction[{k}] = {d[k]:g} makes a delay negative before up_to = {end:g}")
     # Delays positive wherever the line ever leaves zero: here a neutral loop is refused.
     system.with_delays(np.where((s != 0.0) | (d != 0.0), 1.0, 0.0))
-    search = CrossingSearch(delay_line(system, d, s, end))
+    search = CrossingSearch(DelayLine.of(system, d, s, end))
     return _closed(search, Bookkeeper(system, d, s, search), d, s)
 
 

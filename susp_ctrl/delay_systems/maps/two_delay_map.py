@@ -27,7 +27,7 @@ import numpy as np
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.crossings.delay_line import delay_line, roots_always_on_axis
+from susp_ctrl.delay_systems.crossings.delay_line import DelayLine, roots_always_on_axis
 from susp_ctrl.delay_systems.crossings.frequency_sweep import sweep_delays
 from susp_ctrl.delay_systems.maps.crossing_plane import Axis, CrossingPlane
 from susp_ctrl.delay_systems.maps.curves import trace_curves
@@ -201,7 +201,7 @@ class _Problem:
                 if axis.is_delay:
                     direction[self.numbers[axis.channel]] = 1.0
             start = np.where(direction != 0.0, 0.1 * system.delays, system.delays)
-            line = delay_line(system, direction * system.delays, start, 1.0)
+            line = DelayLine.of(system, direction * system.delays, start, 1.0)
             found.append(set(np.round(roots_always_on_axis(line), 9)))
         return tuple(sorted(float(omega) for omega in found[0] & found[1]))
 
@@ -251,7 +251,7 @@ class _Problem:
         """Return the loop's channels, which delay each belongs to, and those delays."""
         n = self.system.delays.size
         system = self.system.with_gains(gains).with_delays(np.ones(n))
-        line = delay_line(system, np.arange(1.0, n + 1.0), np.zeros(n), 1.0)
+        line = DelayLine.of(system, np.arange(1.0, n + 1.0), np.zeros(n), 1.0)
         owner = np.rint(line.direction).astype(int) - 1
         return line.matrices, owner, self.system.delays[owner]
 

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.approximation.orders import approximation
+from susp_ctrl.delay_systems.approximation.orders import approximated
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs, as_inputs
 from susp_ctrl.delay_systems.integrators.trajectory import Past, side_by_side
 from susp_ctrl.delay_systems.model.system import DelaySystem
@@ -218,7 +218,7 @@ def simulate_many(
 
 
 def _approximated(system: DelaySystem, method: str, order: Any, signals: Inputs) -> tuple[DelaySystem, Any]:
-    ordinary, chosen = approximation(system, method, order, signals.bandwidth)
+    ordinary, chosen = approximated(system, method, order, signals.bandwidth)
     return DelaySystem.of(ordinary), chosen
 
 

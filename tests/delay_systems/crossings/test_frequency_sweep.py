@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import susp_ctrl as sc
 from susp_ctrl.delay_systems.crossings.crossing_search import CrossingSearch
-from susp_ctrl.delay_systems.crossings.delay_line import delay_line
+from susp_ctrl.delay_systems.crossings.delay_line import DelayLine
 from susp_ctrl.errors import InputError, NeutralLoopError
 
 DESIGNS = {
@@ -330,7 +330,7 @@ def test_ways_of_finding_agree():
         ("delayed_oscillator_gkc_p193", 9.5),
         ("nep_dep_double", 3.2),
     ):
-        search = CrossingSearch(delay_line(system(name), np.ones(1), np.zeros(1), end))
+        search = CrossingSearch(DelayLine.of(system(name), np.ones(1), np.zeros(1), end))
         found = [way() for way in search.ways()]
         assert len(found) == 3
         for other in found[1:]:

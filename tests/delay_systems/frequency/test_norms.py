@@ -235,7 +235,9 @@ def test_bounds_hold(seed):
 
 @pytest.mark.analytical
 def test_quadrature_meets_its_tolerance():
-    assert integrate(np.sin, 0.0, 1000.0, 1e-10, scale=1.0).value == pytest.approx(1 - np.cos(1000.0), abs=1e-9)
+    assert integrate(np.sin, 0.0, 1000.0, 1e-10, scale=1.0).value == pytest.approx(
+        1 - np.cos(1000.0), abs=1e-9
+    )
     narrow = integrate(lambda x: 1e-6 / ((x - 0.3217) ** 2 + 1e-12), 0.0, 1.0, 1e-10).value
     assert narrow == pytest.approx(np.arctan(0.6783e6) + np.arctan(0.3217e6), rel=1e-9)
 
