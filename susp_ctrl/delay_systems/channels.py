@@ -14,7 +14,7 @@ import numpy as np
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
-from susp_ctrl.delay_systems.model.lft import Realization
+from susp_ctrl.delay_systems.model import Realization
 from susp_ctrl.errors import InputError
 
 

@@ -17,13 +17,12 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.approximation.pade import HIGHEST_ORDER, pade_approximation
-from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
+from susp_ctrl.delay_systems.approximation import HIGHEST_ORDER, pade_approximation, spectral_approximation
 from susp_ctrl.delay_systems.connections import delay
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
-from susp_ctrl.delay_systems.model.loop_response import loop_response
-from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
-from susp_ctrl.delay_systems.simulation.time_response import simulate
+from susp_ctrl.delay_systems.model import loop_response
+from susp_ctrl.delay_systems.roots import characteristic_roots
+from susp_ctrl.delay_systems.simulation import simulate
 from susp_ctrl.delay_systems.verdict import stability
 from susp_ctrl.errors import InputError
 

@@ -14,9 +14,7 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
-from susp_ctrl.delay_systems.model import arithmetic
-from susp_ctrl.delay_systems.model.lft import Realization
-from susp_ctrl.delay_systems.model.signal_names import name_list
+from susp_ctrl.delay_systems.model import Realization, arithmetic, name_list
 
 
 def delay(

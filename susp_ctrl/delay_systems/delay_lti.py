@@ -14,17 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.approximation.delay_bank import Orders
-from susp_ctrl.delay_systems.approximation.pade import pade_approximation
-from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
-from susp_ctrl.delay_systems.frequency.frequency_range import default_frequencies
-from susp_ctrl.delay_systems.frequency.margins import StabilityMargins, stability_margins
-from susp_ctrl.delay_systems.frequency.zeros import transmission_zeros
-from susp_ctrl.delay_systems.model import arithmetic
-from susp_ctrl.delay_systems.model.system import DelaySystem
-from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
-from susp_ctrl.delay_systems.simulation.standard_responses import impulse_response, step_response
-from susp_ctrl.delay_systems.simulation.time_response import simulate
+from susp_ctrl.delay_systems.approximation import Orders, pade_approximation, spectral_approximation
+from susp_ctrl.delay_systems.frequency import (
+    StabilityMargins,
+    default_frequencies,
+    stability_margins,
+    transmission_zeros,
+)
+from susp_ctrl.delay_systems.model import DelaySystem, arithmetic
+from susp_ctrl.delay_systems.roots import characteristic_roots
+from susp_ctrl.delay_systems.simulation import impulse_response, simulate, step_response
 from susp_ctrl.errors import InputError
 
 

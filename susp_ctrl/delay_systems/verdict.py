@@ -24,14 +24,14 @@ from typing import Any, NoReturn
 import numpy as np
 
 from susp_ctrl.arrays import ComplexArray
-from susp_ctrl.delay_systems.crossings.crossing_search import CrossingSearch
-from susp_ctrl.delay_systems.crossings.delay_line import DelayLine
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.system import DelaySystem
-from susp_ctrl.delay_systems.roots.argument_principle import ContourError, abscissa_by_counts, count_right_of
-from susp_ctrl.delay_systems.roots.rightmost import (
+from susp_ctrl.delay_systems.crossings import CrossingSearch, DelayLine
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem
+from susp_ctrl.delay_systems.roots import (
     FIRST_ANGLE,
+    ContourError,
     RootSet,
+    abscissa_by_counts,
+    count_right_of,
     is_complete,
     reach_near_axis,
     rightmost_roots,

@@ -12,14 +12,3 @@ from susp_ctrl.ride.indices import compare_indices, ride_indices
 from susp_ctrl.ride.spectra import response_psd
 from susp_ctrl.ride.stationary import stationary_rms
 from susp_ctrl.ride.weighting import iso2631_weighting, weighted_history
-
-__all__ = [
-    "comfort_bands",
-    "compare_indices",
-    "iso2631_weighting",
-    "response_psd",
-    "ride_indices",
-    "signal_unit",
-    "stationary_rms",
-    "weighted_history",
-]

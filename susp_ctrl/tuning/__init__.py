@@ -8,17 +8,3 @@ from susp_ctrl.tuning.problem import Limit, TuningProblem
 from susp_ctrl.tuning.swarm import pso
 from susp_ctrl.tuning.trade_off import ParetoFront, pareto_front
 from susp_ctrl.tuning.tuner import tune
-
-__all__ = [
-    "BandMean",
-    "BandPeak",
-    "Harmonic",
-    "Limit",
-    "ParetoFront",
-    "RoadRms",
-    "SpectralAbscissa",
-    "TuningProblem",
-    "pareto_front",
-    "pso",
-    "tune",
-]

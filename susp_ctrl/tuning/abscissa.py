@@ -18,8 +18,8 @@ import numpy as np
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import DelayLTI, spectral_abscissa
-from susp_ctrl.delay_systems.approximation.spectral import chebyshev_differentiation
-from susp_ctrl.delay_systems.model.lft import Realization
+from susp_ctrl.delay_systems.approximation import chebyshev_differentiation
+from susp_ctrl.delay_systems.model import Realization
 from susp_ctrl.tuning.sampling import ControlledPlant
 
 # A line of no length has no nodes; ten microseconds turn a root at 100 rad/s by a thousandth of a radian.

@@ -6,7 +6,7 @@ import numpy as np
 
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import small_gain_of_samples
-from susp_ctrl.delay_systems.model.lft import Realization, around_resonances, sample_plant
+from susp_ctrl.delay_systems.model import Realization, around_resonances, sample_plant
 
 GRID_POINTS = 3000
 POINTS_PER_POLE = 300

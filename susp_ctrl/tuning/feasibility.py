@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import small_gain_supremum
-from susp_ctrl.delay_systems.model.lft import Realization, return_determinant, sample_plant
+from susp_ctrl.delay_systems.model import Realization, return_determinant, sample_plant
 from susp_ctrl.errors import InputError
 from susp_ctrl.tuning.counting_grid import counting_grid
 from susp_ctrl.tuning.sampling import channel_exponentials, frequencies_contiguous

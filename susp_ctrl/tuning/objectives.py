@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.lft import SampledPlant, lft_response
+from susp_ctrl.delay_systems.model import SampledPlant, lft_response
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride import iso2631_weighting
 from susp_ctrl.tuning.resonance_rule import resonance_rule

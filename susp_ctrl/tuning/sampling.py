@@ -18,7 +18,7 @@ import numpy as np
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.lft import Realization, SampledPlant, sample_plant
+from susp_ctrl.delay_systems.model import Realization, SampledPlant, sample_plant
 from susp_ctrl.errors import InputError
 
 

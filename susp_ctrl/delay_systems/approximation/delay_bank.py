@@ -11,9 +11,7 @@ import scipy.linalg
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.model.lft import closed
-from susp_ctrl.delay_systems.model.system import DelaySystem
-from susp_ctrl.delay_systems.model.transfer_functions import state_space
+from susp_ctrl.delay_systems.model import DelaySystem, closed, state_space
 from susp_ctrl.errors import InputError
 
 Orders = int | Sequence[int]

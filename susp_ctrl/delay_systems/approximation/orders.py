@@ -18,8 +18,7 @@ from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximation.pade import HIGHEST_ORDER, pade_approximation, pade_order
 from susp_ctrl.delay_systems.approximation.spectral import HIGHEST_ORDER as MOST_POINTS
 from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
-from susp_ctrl.delay_systems.model.lft import sample_plant
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.model import DelaySystem, sample_plant
 from susp_ctrl.errors import InputError, PadeOrderWarning
 
 # A frequency matters to the order where the way around the loop has this share of its largest gain.

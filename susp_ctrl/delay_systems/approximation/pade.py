@@ -39,7 +39,7 @@ from susp_ctrl.delay_systems.approximation.delay_bank import (
     channel_orders,
     with_delays_replaced,
 )
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.model import DelaySystem
 from susp_ctrl.errors import InputError, PadeOrderWarning
 
 HIGHEST_ORDER = 60

@@ -30,8 +30,7 @@ from susp_ctrl.delay_systems.approximation.delay_bank import (
     channel_orders,
     with_delays_replaced,
 )
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem
 
 HIGHEST_ORDER = 400
 

@@ -28,7 +28,7 @@ import scipy.linalg
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.crossings.delay_line import Coordinate, bordered
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.model import CharacteristicMatrix
 
 # Below this (relative) Jacobian a crossing counts as degenerate: it is refined as such and its degree measured.
 _DEGENERATE = 1e-5

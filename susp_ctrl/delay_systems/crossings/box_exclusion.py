@@ -25,9 +25,7 @@ import numpy as np
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.crossings.delay_line import Coordinate
 from susp_ctrl.delay_systems.crossings.small_gain import LocalPlant, off_axis
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import inverses
-from susp_ctrl.delay_systems.model.perron import scaled_row_sums
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, inverses, scaled_row_sums
 
 
 class _Phases(NamedTuple):

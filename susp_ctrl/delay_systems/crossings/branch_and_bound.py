@@ -15,7 +15,7 @@ from susp_ctrl.delay_systems.crossings.axis_zeros import Zeros, polished_zeros, 
 from susp_ctrl.delay_systems.crossings.box_exclusion import BoxTest
 from susp_ctrl.delay_systems.crossings.delay_line import Coordinate
 from susp_ctrl.delay_systems.crossings.small_gain import Bands
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.model import CharacteristicMatrix
 
 # Boxes that may be tested in one search, and in all searches of one sweep.
 _BOX_BUDGET = 400_000

@@ -38,12 +38,14 @@ from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.crossings.delay_line import DelayLine
 from susp_ctrl.delay_systems.crossings.small_gain import frequency_bound, small_gain_bands
 from susp_ctrl.delay_systems.crossings.torus import structured_gain
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import Realization
-from susp_ctrl.delay_systems.model.perron import perron_bound
-from susp_ctrl.delay_systems.model.rounding import eigenvalues_with_uncertainty
-from susp_ctrl.delay_systems.model.system import DelaySystem
-from susp_ctrl.delay_systems.roots.argument_principle import count_unstable_roots
+from susp_ctrl.delay_systems.model import (
+    CharacteristicMatrix,
+    DelaySystem,
+    Realization,
+    eigenvalues_with_uncertainty,
+    perron_bound,
+)
+from susp_ctrl.delay_systems.roots import count_unstable_roots
 from susp_ctrl.errors import UndecidedStabilityWarning
 
 # A supremum this near to one cannot be told from one.

@@ -27,10 +27,13 @@ from typing import Protocol
 import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.folding import fold
-from susp_ctrl.delay_systems.model.rounding import distance_to_singular, eigenvalues_with_uncertainty
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.model import (
+    CharacteristicMatrix,
+    DelaySystem,
+    distance_to_singular,
+    eigenvalues_with_uncertainty,
+    fold,
+)
 
 _LARGEST_MULTIPLE = 12
 # Relative changes of the data that make the characteristic matrix singular: at s = 0, and at a pole on the axis,

@@ -13,7 +13,7 @@ import scipy.optimize
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.crossings.delay_line import DelayLine
 from susp_ctrl.delay_systems.crossings.small_gain import small_gain_bands
-from susp_ctrl.delay_systems.model.lft import around_resonances
+from susp_ctrl.delay_systems.model import around_resonances
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -38,7 +38,7 @@ from susp_ctrl.delay_systems.crossings.crossing_search import Crossings, Crossin
 from susp_ctrl.delay_systems.crossings.delay_line import DelayLine, bordered
 from susp_ctrl.delay_systems.crossings.delay_sweep import DelaySweep
 from susp_ctrl.delay_systems.crossings.sweep_books import Bookkeeper, Books, crossing_table
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.model import DelaySystem
 from susp_ctrl.errors import InputError
 
 _REPAIRED = 6

@@ -18,9 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import closed, inverses
-from susp_ctrl.delay_systems.model.perron import perron_bound
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, closed, inverses, perron_bound
 
 _INTERVAL_BUDGET = 200_000
 

@@ -13,8 +13,8 @@ import pandas as pd
 
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.crossings.crossing_search import Crossings, CrossingSearch
-from susp_ctrl.delay_systems.model.system import DelaySystem
-from susp_ctrl.delay_systems.roots.argument_principle import count_roots_right_of
+from susp_ctrl.delay_systems.model import DelaySystem
+from susp_ctrl.delay_systems.roots import count_roots_right_of
 from susp_ctrl.errors import UndecidedStabilityWarning
 
 _COUNTED_INTERVALS = 5

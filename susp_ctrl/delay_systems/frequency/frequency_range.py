@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.model.system import DelaySystem
-from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
+from susp_ctrl.delay_systems.model import DelaySystem
+from susp_ctrl.delay_systems.roots import characteristic_roots
 
 _MOST_POINTS = 20_000
 

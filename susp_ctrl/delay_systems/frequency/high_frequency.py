@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import sici
 
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.model.folding import FoldedLoop
+from susp_ctrl.delay_systems.model import FoldedLoop
 
 DelayedSum = dict[float, FloatArray]
 

@@ -18,7 +18,7 @@ from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.frequency.frequency_range import default_band, sampled_band
 from susp_ctrl.delay_systems.frequency.response_bounds import tail_bound
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.model import DelaySystem
 from susp_ctrl.errors import InputError
 
 _MOST_POINTS = 100_000

@@ -18,10 +18,8 @@ from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.frequency.adaptive_quadrature import integrate
 from susp_ctrl.delay_systems.frequency.high_frequency import leading_terms, squared_tail
 from susp_ctrl.delay_systems.frequency.response_bounds import local_response, tail_bound
-from susp_ctrl.delay_systems.model.folding import FoldedLoop
-from susp_ctrl.delay_systems.model.lft import around_resonances
-from susp_ctrl.delay_systems.model.system import DelaySystem
-from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
+from susp_ctrl.delay_systems.model import DelaySystem, FoldedLoop, around_resonances
+from susp_ctrl.delay_systems.roots import characteristic_roots
 from susp_ctrl.delay_systems.verdict import stability
 from susp_ctrl.errors import InputError, UnstableSystemError
 

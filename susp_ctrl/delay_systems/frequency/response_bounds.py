@@ -22,8 +22,7 @@ import numpy as np
 import scipy.linalg
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths
-from susp_ctrl.delay_systems.model.lft import inverses
+from susp_ctrl.delay_systems.model import FoldedLoop, direct_paths, inverses
 
 
 class LocalResponse(NamedTuple):

@@ -13,11 +13,10 @@ import numpy as np
 import scipy.linalg
 
 from susp_ctrl import validation
-from susp_ctrl.delay_systems.approximation.spectral import spectral_approximation
+from susp_ctrl.delay_systems.approximation import spectral_approximation
 from susp_ctrl.delay_systems.frequency.frequency_range import default_band
 from susp_ctrl.delay_systems.frequency.response_bounds import value_and_derivative
-from susp_ctrl.delay_systems.model.lft import inverses
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.model import DelaySystem, inverses
 from susp_ctrl.errors import InputError
 
 _STEPS = 30

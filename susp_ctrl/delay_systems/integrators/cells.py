@@ -25,7 +25,7 @@ import scipy.linalg
 from numpy.polynomial import legendre
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.lft import Realization
+from susp_ctrl.delay_systems.model import Realization
 
 # Eigenvector matrices worse conditioned than this lose too many digits; the Schur form takes their place.
 _EIGENVECTOR_CONDITION = 1e5

@@ -22,7 +22,7 @@ from susp_ctrl.delay_systems.integrators.kinks import MANY_KNOTS
 from susp_ctrl.delay_systems.integrators.trajectory import Run
 from susp_ctrl.delay_systems.integrators.uniform_cells import UniformCells
 from susp_ctrl.delay_systems.integrators.uniform_march import TooCoarseError, UniformMarch
-from susp_ctrl.delay_systems.model.folding import FoldedLoop
+from susp_ctrl.delay_systems.model import FoldedLoop
 
 _EPS = float(np.finfo(float).eps)
 _NODES = 10

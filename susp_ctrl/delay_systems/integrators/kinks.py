@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg
 
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.model.lft import Realization, sample_plant
+from susp_ctrl.delay_systems.model import Realization, sample_plant
 
 # Many incommensurate delays combine to very many kinks, each of them weak: the cells' error control sees to the rest.
 _MOST_KINKS = 3000

@@ -34,7 +34,7 @@ from susp_ctrl.delay_systems.integrators.kinks import MANY_KNOTS, propagated_kin
 from susp_ctrl.delay_systems.integrators.panels import CellGroup, PanelSolver
 from susp_ctrl.delay_systems.integrators.signal_memory import SignalMemory
 from susp_ctrl.delay_systems.integrators.trajectory import Past, Run
-from susp_ctrl.delay_systems.model.folding import FoldedLoop
+from susp_ctrl.delay_systems.model import FoldedLoop
 
 _EPS = float(np.finfo(float).eps)
 _NODES = 24

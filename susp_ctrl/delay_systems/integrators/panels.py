@@ -19,7 +19,7 @@ from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.integrators.cells import CellOperator, GaussRule, PlantCoordinates, cell_operator
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs
 from susp_ctrl.delay_systems.integrators.signal_memory import SignalMemory
-from susp_ctrl.delay_systems.model.folding import FoldedLoop
+from susp_ctrl.delay_systems.model import FoldedLoop
 
 _MOST_OPERATORS = 256
 # Fewer cells than this are taken one by one faster than by recursions along them.

@@ -16,7 +16,7 @@ from susp_ctrl.delay_systems.integrators.input_signals import Inputs
 from susp_ctrl.delay_systems.integrators.trajectory import Run
 from susp_ctrl.delay_systems.integrators.uniform_cells import FASTEST_DECAY, UniformCells
 from susp_ctrl.delay_systems.integrators.uniform_march import TooCoarseError, UniformMarch
-from susp_ctrl.delay_systems.model.folding import FoldedLoop
+from susp_ctrl.delay_systems.model import FoldedLoop
 
 _EPS = float(np.finfo(float).eps)
 _NODES = (6, 8, 10, 14, 20)

@@ -17,7 +17,7 @@ import scipy.linalg
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.integrators.cells import GaussRule, PlantCoordinates
-from susp_ctrl.delay_systems.model.lft import Realization
+from susp_ctrl.delay_systems.model import Realization
 
 _POINTS = 24  # of the quadrature over a cell: exact to rounding for decays up to e^-FASTEST_DECAY
 FASTEST_DECAY = 12.0

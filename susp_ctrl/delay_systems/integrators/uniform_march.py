@@ -16,7 +16,7 @@ import scipy.signal
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.integrators.trajectory import Past, Run
 from susp_ctrl.delay_systems.integrators.uniform_cells import UniformCells
-from susp_ctrl.delay_systems.model.folding import FoldedLoop
+from susp_ctrl.delay_systems.model import FoldedLoop
 
 _EPS = float(np.finfo(float).eps)
 _LONGEST_BLOCK = 1024

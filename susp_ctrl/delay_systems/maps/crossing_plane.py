@@ -32,8 +32,8 @@ from typing import NamedTuple
 import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.crossings.torus import bilinear_coefficients, torus_excess, torus_solutions
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.crossings import bilinear_coefficients, torus_excess, torus_solutions
+from susp_ctrl.delay_systems.model import CharacteristicMatrix
 
 
 @dataclass(frozen=True)

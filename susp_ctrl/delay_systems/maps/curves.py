@@ -12,11 +12,10 @@ import numpy as np
 from scipy.optimize import elementwise
 
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.crossings.small_gain import Bands, small_gain_bands
+from susp_ctrl.delay_systems.crossings import Bands, small_gain_bands
 from susp_ctrl.delay_systems.maps.crossing_plane import Axis, CrossingPlane
 from susp_ctrl.delay_systems.maps.segments import Segments
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.lft import around_resonances
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, around_resonances
 
 # Largest distance of a chord from the curve, relative to the ranges, and rounds of halving to get there.
 _CHORD = 2e-5

@@ -14,10 +14,10 @@ from __future__ import annotations
 import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.crossings.small_gain import small_gain_bands
+from susp_ctrl.delay_systems.crossings import small_gain_bands
 from susp_ctrl.delay_systems.maps.crossing_plane import Axis
 from susp_ctrl.delay_systems.maps.segments import Segments
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.model import CharacteristicMatrix
 
 _ANGLES = 192
 # Largest distance of a chord from the curve, relative to the ranges, and rounds of halving to get there.

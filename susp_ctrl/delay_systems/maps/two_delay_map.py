@@ -27,17 +27,15 @@ import numpy as np
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.crossings.delay_line import DelayLine, roots_always_on_axis
-from susp_ctrl.delay_systems.crossings.frequency_sweep import sweep_delays
+from susp_ctrl.delay_systems.crossings import DelayLine, roots_always_on_axis, sweep_delays
 from susp_ctrl.delay_systems.maps.crossing_plane import Axis, CrossingPlane
 from susp_ctrl.delay_systems.maps.curves import trace_curves
 from susp_ctrl.delay_systems.maps.regions import Raster, map_regions
 from susp_ctrl.delay_systems.maps.segments import Segments
 from susp_ctrl.delay_systems.maps.shared_delays import trace_blocks
 from susp_ctrl.delay_systems.maps.stability_chart import StabilityMap
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.system import DelaySystem
-from susp_ctrl.delay_systems.roots.argument_principle import count_unstable_roots
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem
+from susp_ctrl.delay_systems.roots import count_unstable_roots
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
 # Where curves are traced on a grid and counts do not confirm them, finer grids are tried.

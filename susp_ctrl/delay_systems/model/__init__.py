@@ -1,1 +1,22 @@
 """The system itself: its data, its response at any point, arithmetic, and the loop as algorithms see it."""
+
+from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix, Points
+from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths, fold
+from susp_ctrl.delay_systems.model.lft import (
+    ComplexArray,
+    FloatArray,
+    Realization,
+    SampledPlant,
+    around_resonances,
+    closed,
+    inverses,
+    lft_response,
+    return_determinant,
+    sample_plant,
+)
+from susp_ctrl.delay_systems.model.loop_response import loop_response
+from susp_ctrl.delay_systems.model.perron import perron_bound, scaled_row_sums
+from susp_ctrl.delay_systems.model.rounding import distance_to_singular, eigenvalues_with_uncertainty
+from susp_ctrl.delay_systems.model.signal_names import name_list
+from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.model.transfer_functions import state_space

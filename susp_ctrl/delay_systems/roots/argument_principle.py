@@ -26,9 +26,7 @@ import numpy as np
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix, Points
-from susp_ctrl.delay_systems.model.perron import perron_bound
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem, Points, perron_bound
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
 # Relative uncertainty of every entry of K: some dozens of roundings.

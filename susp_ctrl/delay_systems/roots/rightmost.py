@@ -24,9 +24,8 @@ import numpy as np
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.approximation.spectral import discretized_matrix
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.approximation import discretized_matrix
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import ContourError, abscissa_by_counts, count_right_of
 from susp_ctrl.delay_systems.roots.root_refinement import RefinedRoots, eigenvalue_uncertainty, refine
 from susp_ctrl.errors import InputError

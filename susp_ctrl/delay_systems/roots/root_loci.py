@@ -14,8 +14,7 @@ from scipy.optimize import linear_sum_assignment
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import ContourError, count_right_of
 from susp_ctrl.delay_systems.roots.rightmost import rightmost_roots
 from susp_ctrl.errors import InputError

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix
+from susp_ctrl.delay_systems.model import CharacteristicMatrix
 
 _UNIT = 64.0 * np.finfo(float).eps
 # A root is settled when its last step is below this share of it.

@@ -9,10 +9,8 @@ import numpy as np
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.integrators.input_signals import Inputs, announced_breakpoints
-from susp_ctrl.delay_systems.integrators.trajectory import Past
-from susp_ctrl.delay_systems.model.lft import Realization
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.integrators import Inputs, Past, announced_breakpoints
+from susp_ctrl.delay_systems.model import DelaySystem, Realization
 from susp_ctrl.delay_systems.simulation.simulation_response import SimulationResponse
 from susp_ctrl.delay_systems.simulation.sinusoidal import phasors, sum_of_lines
 from susp_ctrl.errors import InputError

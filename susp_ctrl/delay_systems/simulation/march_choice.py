@@ -11,11 +11,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.integrators import kinked_march, method_of_steps, sampled_march
-from susp_ctrl.delay_systems.integrators.input_signals import Inputs
-from susp_ctrl.delay_systems.integrators.trajectory import Past, Run, superposed
-from susp_ctrl.delay_systems.integrators.uniform_march import TooCoarseError
-from susp_ctrl.delay_systems.model.folding import FoldedLoop
+from susp_ctrl.delay_systems.integrators import (
+    Inputs,
+    Past,
+    Run,
+    TooCoarseError,
+    kinked_march,
+    method_of_steps,
+    sampled_march,
+    superposed,
+)
+from susp_ctrl.delay_systems.model import FoldedLoop
 
 # The marches from rest, the fastest first.
 FROM_REST = (sampled_march, kinked_march)

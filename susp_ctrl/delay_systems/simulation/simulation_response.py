@@ -9,8 +9,8 @@ import control
 import numpy as np
 
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.integrators.trajectory import Run
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.integrators import Run
+from susp_ctrl.delay_systems.model import DelaySystem
 
 
 class SimulationResponse(control.TimeResponseData):

@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.integrators.input_signals import Inputs, as_inputs
-from susp_ctrl.delay_systems.model.loop_response import loop_response
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.integrators import Inputs, as_inputs
+from susp_ctrl.delay_systems.model import DelaySystem, loop_response
 from susp_ctrl.delay_systems.verdict import stability
 from susp_ctrl.errors import InputError, UnstableSystemError
 

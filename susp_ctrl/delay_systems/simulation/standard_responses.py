@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.model.lft import Realization
-from susp_ctrl.delay_systems.model.system import DelaySystem
-from susp_ctrl.delay_systems.roots.rightmost import characteristic_roots
+from susp_ctrl.delay_systems.model import DelaySystem, Realization
+from susp_ctrl.delay_systems.roots import characteristic_roots
 from susp_ctrl.delay_systems.simulation.time_response import simulate
 
 

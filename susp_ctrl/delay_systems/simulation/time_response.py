@@ -29,10 +29,9 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.approximation.orders import approximated
-from susp_ctrl.delay_systems.integrators.input_signals import Inputs, as_inputs
-from susp_ctrl.delay_systems.integrators.trajectory import Past, side_by_side
-from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.approximation import approximated
+from susp_ctrl.delay_systems.integrators import Inputs, Past, as_inputs, side_by_side
+from susp_ctrl.delay_systems.model import DelaySystem
 from susp_ctrl.delay_systems.simulation.history import past_of
 from susp_ctrl.delay_systems.simulation.march_choice import run_exact
 from susp_ctrl.delay_systems.simulation.simulation_response import SimulationResponse, simulation_response
