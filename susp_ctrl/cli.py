@@ -147,7 +147,7 @@ def new(
 ) -> None:
     """Write a commented template of a study file, to be edited."""
     with _one_line_errors():
-        from susp_ctrl.study.settings.template import new_study
+        from susp_ctrl.study.settings.study_file import new_study
 
         print(new_study(name))
 

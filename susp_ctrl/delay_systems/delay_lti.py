@@ -384,7 +384,7 @@ class DelayLTI(DelaySystem):
 def _own_figure(options: dict[str, Any]) -> dict[str, Any]:
     """python-control draws into the current figure: without `ax` or `fig` open one for this plot alone."""
     if options.get("ax") is None and options.get("fig") is None:
-        from susp_ctrl.plotting.interactive import fresh_figure  # loads matplotlib
+        from susp_ctrl.plotting import fresh_figure  # loads matplotlib
 
         fresh_figure()
     return options

@@ -1,4 +1,4 @@
-"""Comparisons: the error of an approximation against its order, and designs as changes in percent."""
+"""Comparisons: an approximation with the truth over its order, and designs as changes in percent."""
 
 from __future__ import annotations
 
@@ -16,17 +16,14 @@ from susp_ctrl.plotting.style import (
     VERMILLION,
     Look,
     axes_for,
-    powers_of_ten,
+    finished,
+    log_values,
+    rows_named,
     styled,
     styles_for,
 )
 
-_BARS = (
-    (VERMILLION, "////"),
-    (BLUE, ""),
-    (GREEN, "...."),
-    (PURPLE, "xxxx"),
-)
+_BARS = ((VERMILLION, "////"), (BLUE, ""), (GREEN, "...."), (PURPLE, "xxxx"))
 
 
 @styled
@@ -71,22 +68,56 @@ def draw_order_error(
         look = {**style, "marker": style["marker"] or "o"}
         ax.plot(steps, np.where(values > 0.0, values, np.nan), label=label, **look)
     if needed is not None:
-        ax.axvline(
-            needed,
-            color=BLACK,
-            linewidth=0.8,
-            linestyle=(0, (1, 2)),
-            label=needed_label,
-        )
-    ax.set_yscale("log")
-    powers_of_ten(ax.yaxis)
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
-    if title:
-        ax.set_title(title)
-    if legend:
-        ax.legend(loc="best")
-    return ax
+        ax.axvline(needed, color=BLACK, linewidth=0.8, linestyle=(0, (1, 2)), label=needed_label)
+    log_values(ax)
+    return finished(ax, xlabel, ylabel, title, legend=legend)
+
+
+@styled
+def draw_abscissa_over_order(
+    orders: ArrayLike,
+    abscissas: ArrayLike,
+    exact: float,
+    ax: Axes | None = None,
+    *,
+    xlabel: str = "order of the Padé approximation",
+    ylabel: str = "abscissa (1/s)",
+    legend: bool = True,
+    title: str | None = None,
+) -> Axes:
+    """Draw the rightmost real part that each order finds, beside the exact one and the border of stability.
+
+    Parameters
+    ----------
+    orders
+        Orders, shape (n,).
+    abscissas
+        Real part of the rightmost root of each approximation (1/s), shape (n,). Points on the other side of zero
+        than `exact` are filled.
+    exact
+        Real part of the rightmost exact root (1/s).
+    ax
+        Axes to draw into; new ones by default.
+    xlabel, ylabel
+        Names and units.
+    legend, title
+        As in `susp_ctrl.plotting.draw_magnitude`.
+
+    Returns
+    -------
+    Axes
+    """
+    ax = axes_for(ax)
+    steps, values = np.asarray(orders, dtype=float), np.asarray(abscissas, dtype=float)
+    wrong = (values < 0.0) != (exact < 0.0)
+    ax.plot(steps, values, color=BLUE, linewidth=0.9, marker="o", markerfacecolor="none", label="Padé")
+    ax.plot(
+        steps[wrong], values[wrong], linestyle="", color=VERMILLION, marker="s", markersize=5,
+        label="wrong verdict",
+    )  # fmt: skip
+    ax.axhline(exact, color=BLACK, linewidth=1.0, linestyle=(0, (4, 1.8)), label="exact")
+    ax.axhline(0.0, color=BLACK, linewidth=0.8)
+    return finished(ax, xlabel, ylabel, title, legend=legend)
 
 
 @styled
@@ -131,13 +162,6 @@ def draw_changes(
         )  # fmt: skip
         ax.bar_label(bars, labels=[f"{value:+.0f}" for value in percent], padding=2, fontsize=6.5)
     ax.axvline(0.0, color=BLACK, linewidth=0.8)
-    ax.set_yticks(groups, list(indicators))
-    ax.set_ylim(len(indicators) - 0.45, -0.55)
-    ax.grid(visible=False, axis="y")
+    rows_named(ax, indicators, room=0.55)
     ax.margins(x=0.12)
-    ax.set_xlabel(xlabel)
-    if title:
-        ax.set_title(title)
-    if legend:
-        ax.legend(loc="best")
-    return ax
+    return finished(ax, xlabel, None, title, legend=legend)

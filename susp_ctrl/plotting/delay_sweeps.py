@@ -15,10 +15,11 @@ from susp_ctrl.plotting.style import (
     VERMILLION,
     Look,
     axes_for,
-    powers_of_ten,
-    sparse_markers,
+    each_curve,
+    finished,
+    log_values,
+    rows_named,
     styled,
-    styles_for,
 )
 
 
@@ -57,25 +58,15 @@ def draw_unit_modulus(
     """
     ax = axes_for(ax)
     hertz = np.asarray(omega, dtype=float) / (2.0 * np.pi)
-    for number, (label, style) in enumerate(styles_for(moduli, styles).items()):
-        values = np.asarray(moduli[label], dtype=float)
-        values = np.where(np.isfinite(values) & (values > 0.0), values, np.nan)
-        ax.plot(hertz, values, label=label, markevery=sparse_markers(hertz.size, number), **style)
+    for values, look in each_curve(moduli, styles):
+        ax.plot(hertz, np.where(np.isfinite(values) & (values > 0.0), values, np.nan), **look)
     ax.axhline(1.0, color=BLACK, linewidth=1.0, linestyle="-", zorder=1.5)
     found = np.ravel(np.asarray(crossings, dtype=float)) / (2.0 * np.pi)
     if found.size:
         ax.plot(found, np.ones_like(found), "o", color=BLACK, markersize=5, label="crossing", zorder=4)
     frequency_axis(ax)
-    ax.set_yscale("log")
-    powers_of_ten(ax.yaxis)
-    ax.set_xlabel("frequency (Hz)")
-    ax.set_ylabel(ylabel)
-    ax.margins(x=0.0)
-    if title:
-        ax.set_title(title)
-    if legend:
-        ax.legend(loc="best")
-    return ax
+    log_values(ax)
+    return finished(ax, "frequency (Hz)", ylabel, title, legend=legend, tight=True)
 
 
 @styled
@@ -136,31 +127,17 @@ def draw_intervals(
                     bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "linewidth": 0.0},
                 )  # fmt: skip
     names = list(rows)
-    below: dict[str, Any] = {"marker": "^", "color": BLACK, "markersize": 4.5}
-    across: dict[str, Any] = {"marker": "|", "color": VERMILLION, "markersize": 15}
-    for values, label, marker, offset in (
-        (marks or {}, mark_label, below, 0.36),
-        (claims or {}, claim_label, across, 0.0),
-    ):
-        placed = [(value, names.index(name) + offset) for name, value in values.items() if name in rows]
-        if placed:
-            points = np.array(placed)
-            ax.plot(
-                points[:, 0],
-                points[:, 1],
-                linestyle="",
-                markeredgewidth=1.4,
-                label=label,
-                clip_on=False,
-                **marker,
-            )
-    ax.set_yticks(range(len(names)), names)
-    ax.set_ylim(len(names) - 0.4, -0.6)
+
+    def mark(delays: Mapping[str, float] | None, offset: float, **look: Any) -> None:
+        points = [(delay, names.index(row) + offset) for row, delay in (delays or {}).items() if row in rows]
+        if points:
+            ax.plot(*np.transpose(points), linestyle="", markeredgewidth=1.4, clip_on=False, **look)
+
+    mark(marks, 0.36, marker="^", color=BLACK, markersize=4.5, label=mark_label)  # below the bar
+    mark(claims, 0.0, marker="|", color=VERMILLION, markersize=15, label=claim_label)
+    rows_named(ax, names)
     ax.set_xlim(0.0, end or 1.0)
-    ax.grid(visible=False, axis="y")
-    ax.set_xlabel(xlabel)
-    if title:
-        ax.set_title(title)
+    finished(ax, xlabel, None, title)
     if legend:
         ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, frameon=False)
     return ax

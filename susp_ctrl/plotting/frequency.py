@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
-from susp_ctrl.plotting.style import Look, axes_for, powers_of_ten, sparse_markers, styled, styles_for
+from susp_ctrl.plotting.style import Look, axes_for, each_curve, finished, log_values, pyplot_axes, styled
 
 _TWO_PI = 2.0 * np.pi
 _NARROW = 2.2  # inch
@@ -58,26 +59,15 @@ def draw_magnitude(
     """
     ax = axes_for(ax)
     hertz = np.asarray(omega, dtype=float) / _TWO_PI
-    for number, (label, style) in enumerate(styles_for(magnitudes, styles).items()):
-        values = np.asarray(magnitudes[label], dtype=float)
-        if decibel:
-            values = _decibel(values)
-        ax.plot(hertz, values, label=label, markevery=sparse_markers(hertz.size, number), **style)
+    for values, look in each_curve(magnitudes, styles):
+        ax.plot(hertz, _decibel(values) if decibel else values, **look)
     if log_frequency:
         frequency_axis(ax)
     if log_magnitude and not decibel:
-        ax.set_yscale("log")
-        powers_of_ten(ax.yaxis)
+        log_values(ax)
     elif not decibel:
         ax.set_ylim(bottom=0.0)
-    ax.set_xlabel("frequency (Hz)")
-    ax.set_ylabel(ylabel)
-    ax.margins(x=0.0)
-    if title:
-        ax.set_title(title)
-    if legend:
-        ax.legend(loc="best")
-    return ax
+    return finished(ax, "frequency (Hz)", ylabel, title, legend=legend, tight=True)
 
 
 @styled
@@ -111,42 +101,26 @@ def draw_bode(
     tuple of two Axes
     """
     if axes is None:
-        import matplotlib.pyplot as plt
-
-        _, made = plt.subplots(2, 1, sharex=True, figsize=(6.7, 4.4), layout="constrained")
-        axes = (made[0], made[1])
+        upper, lower = pyplot_axes(2, height=4.4)
+        axes = upper, lower
     upper, lower = axes
     hertz = np.asarray(omega, dtype=float) / _TWO_PI
-    for number, (label, style) in enumerate(styles_for(responses, styles).items()):
-        response = np.asarray(responses[label], dtype=complex)
-        marks = sparse_markers(hertz.size, number)
-        upper.plot(hertz, _decibel(np.abs(response)), label=label, markevery=marks, **style)
-        phase = np.degrees(np.unwrap(np.angle(response)))
-        lower.plot(hertz, phase, label=label, markevery=marks, **style)
+    for response, look in each_curve(responses, styles, complex):
+        upper.plot(hertz, _decibel(np.abs(response)), **look)
+        lower.plot(hertz, np.degrees(np.unwrap(np.angle(response))), **look)
     for ax in axes:
         frequency_axis(ax)
-        ax.margins(x=0.0)
-    upper.set_ylabel(ylabel)
-    lower.set_ylabel("phase (degrees)")
-    lower.set_xlabel("frequency (Hz)")
-    if title:
-        upper.set_title(title)
-    if legend:
-        upper.legend(loc="best")
+    finished(upper, None, ylabel, title, legend=legend, tight=True)
+    finished(lower, "frequency (Hz)", "phase (degrees)", tight=True)
     return axes
 
 
 def frequency_axis(ax: Axes) -> None:
     """Make the x axis logarithmic with plain numbers: 0.5, 1, 2, 5, 10, or only the decades on a narrow axis."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    def plain(value: Any, _position: Any) -> str:
-        return f"{value:g}"
-
     ax.set_xscale("log")
     narrow = ax.bbox.width < _NARROW * ax.figure.dpi
     ax.xaxis.set_major_locator(LogLocator(base=10.0, subs=(1.0,) if narrow else (1.0, 2.0, 5.0), numticks=20))
-    ax.xaxis.set_major_formatter(FuncFormatter(plain))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _position: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from susp_ctrl.plotting.style import BLACK, Look, axes_for, curve_style, styled, styles_for
+from susp_ctrl.plotting.style import BLACK, Look, axes_for, curve_style, finished, styled, styles_for
 
 
 @styled
@@ -71,14 +70,7 @@ def draw_history(
             linestyle="", marker=look["marker"] or "o", color=look["color"], markersize=2.8,
             markerfacecolor="white", markeredgewidth=0.6, label=overlay_label.format(label), zorder=3,
         )  # fmt: skip
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
-    ax.margins(x=0.0)
-    if title:
-        ax.set_title(title)
-    if legend:
-        ax.legend(loc="best")
-    return ax
+    return finished(ax, xlabel, ylabel, title, legend=legend, tight=True)
 
 
 @styled
@@ -112,21 +104,11 @@ def draw_road(
     Axes
     """
     ax = axes_for(ax, height=2.2)
-    looks: tuple[dict[str, Any], ...] = ({"color": BLACK, "linestyle": "-"}, curve_style("published"))
+    seconds = np.asarray(time, dtype=float)
     for number, (label, profile) in enumerate(profiles.items()):
-        look: dict[str, Any] = {key: looks[number % 2][key] for key in ("color", "linestyle")}
+        look = curve_style("published") if number % 2 else {"color": BLACK, "linestyle": "-"}
         ax.plot(
-            np.asarray(time, dtype=float),
-            scale * np.asarray(profile, dtype=float),
-            label=label,
-            linewidth=1.0,
-            **look,
-        )
-    ax.set_xlabel("time (s)")
-    ax.set_ylabel(ylabel)
-    ax.margins(x=0.0)
-    if title:
-        ax.set_title(title)
-    if legend:
-        ax.legend(loc="best")
-    return ax
+            seconds, scale * np.asarray(profile, dtype=float), label=label,
+            color=look["color"], linestyle=look["linestyle"], linewidth=1.0,
+        )  # fmt: skip
+    return finished(ax, "time (s)", ylabel, title, legend=legend, tight=True)

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from susp_ctrl.plotting.style import BLACK, axes_for, curve_style, styled
+from susp_ctrl.plotting.style import BLACK, axes_for, curve_style, finished, styled
 
 # White for stable, then darker with the number of unstable roots; the last shade stands for all larger numbers.
 _SHADES = ("#FFFFFF", "#E2E2E2", "#C9C9C9", "#B2B2B2", "#9C9C9C", "#878787", "#737373")
@@ -88,13 +88,9 @@ def draw_stability_map(
         )  # fmt: skip
     ax.set_xlim(columns[0], columns[-1])
     ax.set_ylim(rows[0], rows[-1])
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
     ax.grid(visible=False)
-    if title:
-        ax.set_title(title)
     ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, handlelength=2.0)
-    return ax
+    return finished(ax, xlabel, ylabel, title)
 
 
 def map_picture(unstable_roots: ArrayLike) -> bytes:

@@ -8,7 +8,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from susp_ctrl.plotting.style import BLACK, BLUE, GREY, VERMILLION, Look, axes_for, styled, styles_for
+from susp_ctrl.plotting.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    VERMILLION,
+    Look,
+    axes_for,
+    finished,
+    styled,
+    styles_for,
+)
 
 _MARKERS = ("x", "o", "s", "^", "D", "v", "P", "X")
 
@@ -44,10 +54,7 @@ def draw_roots(
             values.real, values.imag, linestyle="", marker=_MARKERS[number % len(_MARKERS)], markersize=5,
             markerfacecolor="none", markeredgewidth=1.1, color=style["color"], label=label,
         )  # fmt: skip
-    _plane(ax, title)
-    if legend and roots:
-        ax.legend(loc="best")
-    return ax
+    return _plane(ax, title, legend=legend and bool(roots))
 
 
 @styled
@@ -89,14 +96,9 @@ def draw_root_locus(
             paths[row].real, paths[row].imag, linestyle="", marker=marker, color=BLACK, markerfacecolor=face,
             label=f"{parameter} = {steps[row]:g}",
         )  # fmt: skip
-    _plane(ax, title)
-    ax.legend(loc="best")
-    return ax
+    return _plane(ax, title, legend=True)
 
 
-def _plane(ax: Axes, title: str | None) -> None:
+def _plane(ax: Axes, title: str | None, *, legend: bool) -> Axes:
     ax.axvline(0.0, color=GREY, linewidth=1.0, zorder=1.0)
-    ax.set_xlabel("real part (rad/s)")
-    ax.set_ylabel("imaginary part (rad/s)")
-    if title:
-        ax.set_title(title)
+    return finished(ax, "real part (rad/s)", "imaginary part (rad/s)", title, legend=legend)

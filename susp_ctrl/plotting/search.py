@@ -1,4 +1,4 @@
-"""A search for a design: its convergence, and how narrow the optimum it found is."""
+"""A search for a design: its convergence, how narrow the optimum it found is, and the trade-off of two objectives."""
 
 from __future__ import annotations
 
@@ -8,16 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from susp_ctrl.plotting.style import (
-    BLACK,
-    GREY,
-    Look,
-    axes_for,
-    powers_of_ten,
-    sparse_markers,
-    styled,
-    styles_for,
-)
+from susp_ctrl.plotting.style import BLACK, GREY, Look, axes_for, each_curve, finished, log_values, styled
 
 
 @styled
@@ -56,27 +47,15 @@ def draw_convergence(
     """
     ax = axes_for(ax)
     positive = True
-    for number, (label, style) in enumerate(styles_for(histories, styles).items()):
-        best = np.asarray(histories[label], dtype=float)
+    for best, look in each_curve(histories, styles):
         positive = positive and bool(np.all(best[np.isfinite(best)] > 0.0))
-        ax.step(
-            np.arange(best.size), best, where="post", label=label,
-            markevery=sparse_markers(best.size, number), **style,
-        )  # fmt: skip
+        ax.step(np.arange(best.size), best, where="post", **look)
     if reference is not None:
         ax.axhline(reference, color=GREY, linewidth=1.0, linestyle=(0, (1, 1.2)), label=reference_label)
         positive = positive and reference > 0.0
     if log_cost and positive:
-        ax.set_yscale("log")
-        powers_of_ten(ax.yaxis)
-    ax.set_xlabel("iteration")
-    ax.set_ylabel(ylabel)
-    ax.margins(x=0.0)
-    if title:
-        ax.set_title(title)
-    if legend:
-        ax.legend(loc="best")
-    return ax
+        log_values(ax)
+    return finished(ax, "iteration", ylabel, title, legend=legend, tight=True)
 
 
 @styled
@@ -114,17 +93,46 @@ def draw_detuning(
     """
     ax = axes_for(ax)
     percent = 100.0 * np.asarray(detuning, dtype=float)
-    for number, (label, style) in enumerate(styles_for(costs, styles).items()):
-        cost = np.asarray(costs[label], dtype=float)
-        ax.plot(percent, cost, label=label, markevery=sparse_markers(percent.size, number), **style)
+    for cost, look in each_curve(costs, styles):
+        ax.plot(percent, cost, **look)
     for mark in np.ravel(np.asarray(marks, dtype=float)):
         ax.axvline(100.0 * mark, color=BLACK, linewidth=0.6, linestyle=(0, (1, 2)))
-    ax.set_xlabel("frequency error (%)")
-    ax.set_ylabel(ylabel)
-    ax.margins(x=0.0)
     ax.set_ylim(bottom=0.0)
-    if title:
-        ax.set_title(title)
-    if legend:
-        ax.legend(loc="best")
-    return ax
+    return finished(ax, "frequency error (%)", ylabel, title, legend=legend, tight=True)
+
+
+@styled
+def draw_trade_off(
+    first: ArrayLike,
+    second: ArrayLike,
+    ax: Axes | None = None,
+    *,
+    passive: tuple[float, float] | None = None,
+    xlabel: str = "first objective",
+    ylabel: str = "second objective",
+    title: str | None = None,
+) -> Axes:
+    """Draw a Pareto front.
+
+    Parameters
+    ----------
+    first, second
+        Both objectives of each design, shape (designs,).
+    ax
+        Axes to draw into; new ones by default.
+    passive
+        Both objectives without control, marked beside the front.
+    xlabel, ylabel, title
+        Texts.
+
+    Returns
+    -------
+    Axes
+    """
+    ax = axes_for(ax)
+    x, y = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
+    order = np.argsort(x)
+    ax.plot(x[order], y[order], color=BLACK, marker="o", markersize=4.0, label="designs")
+    if passive is not None and np.all(np.isfinite(passive)):
+        ax.plot(*passive, linestyle="none", marker="s", color=GREY, label="passive")
+    return finished(ax, xlabel, ylabel, title, legend=True)

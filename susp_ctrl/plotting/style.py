@@ -12,7 +12,7 @@ Okabe, M., Ito, K., "Color Universal Design", 2008, https://jfly.uni-koeln.de/co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
@@ -20,9 +20,8 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -165,6 +164,15 @@ def sparse_markers(points: int, curve: int, count: int = 9) -> tuple[int, int]:
     return (curve * step // 5) % step, step
 
 
+def each_curve(
+    curves: Mapping[str, ArrayLike], styles: Mapping[str, Look] | None = None, dtype: type = float
+) -> Iterator[tuple[NDArray[Any], dict[str, Any]]]:
+    """Give the values of every curve, and its line properties with label and sparse markers."""
+    for number, (label, style) in enumerate(styles_for(curves, styles).items()):
+        values: NDArray[Any] = np.asarray(curves[label], dtype=dtype)
+        yield values, {"label": label, "markevery": sparse_markers(values.size, number), **style}
+
+
 def styled(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Decorate a drawing function: the look holds inside it, and the user's settings are untouched."""
 
@@ -178,37 +186,58 @@ def styled(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 def axes_for(ax: Axes | None, *, height: float = 2.9, width: float = FULL_WIDTH) -> Axes:
     """Return `ax`, or new axes in a new pyplot figure where none was given (to be called inside `styled`)."""
-    if ax is not None:
-        return ax
+    return pyplot_axes(height=height, width=width)[0] if ax is None else ax
+
+
+def pyplot_axes(rows: int = 1, *, height: float, width: float = FULL_WIDTH) -> list[Axes]:
+    """Return axes one above the other in a new pyplot figure."""
     import matplotlib.pyplot as plt  # only an interactive caller needs pyplot's figure manager
 
-    _, made = plt.subplots(figsize=(width, height), layout="constrained")
-    return made
+    _, made = plt.subplots(rows, 1, sharex=True, figsize=(width, height), layout="constrained", squeeze=False)
+    return list(made.flat)
 
 
-@styled
-def new_figure(
-    rows: int = 1, columns: int = 1, *, height: float = 2.9, **subplots: Any
-) -> tuple[Figure, NDArray[Any]]:
-    """Return a figure of the page's width with ``rows x columns`` axes, outside pyplot's figure manager.
+def finished(
+    ax: Axes,
+    xlabel: str | None = None,
+    ylabel: str | None = None,
+    title: str | None = None,
+    *,
+    legend: bool = False,
+    tight: bool = False,
+) -> Axes:
+    """Return axes with their names, title and legend; what is None stays as it is.
 
     Parameters
     ----------
-    rows, columns
-        Number of axes.
-    height
-        Height of the whole figure (inch).
-    **subplots
-        Passed to `matplotlib.figure.Figure.subplots` (``sharex=True``, ...).
-
-    Returns
-    -------
-    Figure, ndarray of Axes
-        The array has the shape (rows, columns).
+    ax
+        With everything drawn.
+    xlabel, ylabel, title
+        Texts.
+    legend
+        Whether to draw a legend.
+    tight
+        Let the curves reach the left and the right border.
     """
-    figure = Figure(figsize=(FULL_WIDTH, height), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, **subplots)
-    return figure, axes
+    if xlabel is not None:
+        ax.set_xlabel(xlabel)
+    if ylabel is not None:
+        ax.set_ylabel(ylabel)
+    if title:
+        ax.set_title(title)
+    if tight:
+        ax.margins(x=0.0)
+    if legend:
+        ax.legend(loc="best")
+    return ax
+
+
+def rows_named(ax: Axes, names: Iterable[str], room: float = 0.6) -> None:
+    """Make the y axis one of named rows, the first on top, with `room` beyond the middle of the outermost ones."""
+    rows = list(names)
+    ax.set_yticks(range(len(rows)), rows)
+    ax.set_ylim(len(rows) - 1 + room, -room)
+    ax.grid(visible=False, axis="y")
 
 
 class PlainLogFormatter(LogFormatter):
@@ -236,17 +265,7 @@ def powers_of_ten(axis: Axis) -> None:
     axis.set_minor_formatter(PlainLogFormatter(labelOnlyBase=False))
 
 
-@styled
-def shared_legend(figure: Figure, axes: Any, *, columns: int = 4) -> None:
-    """Place one legend above all axes of a figure, each label once."""
-    entries: dict[str, Any] = {}
-    for ax in np.ravel(np.asarray(axes, dtype=object)):
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            entries.setdefault(label, handle)
-    if entries:
-        figure.legend(
-            list(entries.values()),
-            list(entries),
-            loc="outside upper center",
-            ncols=min(columns, len(entries)),
-        )
+def log_values(ax: Axes) -> None:
+    """Make the y axis logarithmic."""
+    ax.set_yscale("log")
+    powers_of_ten(ax.yaxis)

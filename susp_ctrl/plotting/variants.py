@@ -15,6 +15,8 @@ from susp_ctrl.plotting.style import (
     VERMILLION,
     Look,
     axes_for,
+    finished,
+    rows_named,
     sparse_markers,
     styled,
     styles_for,
@@ -65,16 +67,11 @@ def draw_sensitivity(
         named.add(meaning)
         text = "–" if not np.isfinite(share) else f"{100.0 * value:.0f} %"
         ax.annotate(text, (value, row), xytext=(4, 0), textcoords="offset points", va="center", fontsize=7.0)
-    ax.set_yticks(range(len(shares)), list(shares))
-    ax.set_ylim(len(shares) - 0.4, -0.6)
+    rows_named(ax, shares)
     ax.set_xlim(0.0, 1.12)
-    ax.grid(visible=False, axis="y")
-    ax.set_xlabel(xlabel)
     if directions:
         ax.legend(loc="lower right")
-    if title:
-        ax.set_title(title)
-    return ax
+    return finished(ax, xlabel, None, title)
 
 
 @styled
@@ -122,12 +119,7 @@ def draw_distribution(
     if limit is not None:
         ax.axvline(limit, color=VERMILLION, linewidth=1.0, linestyle="--", label="limit")
     ax.set_ylim(0.0, 1.02)
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel("share of variants")
-    ax.legend(loc="best")
-    if title:
-        ax.set_title(title)
-    return ax
+    return finished(ax, xlabel, "share of variants", title, legend=True)
 
 
 @styled
@@ -175,8 +167,4 @@ def draw_heat_map(
                     color="white" if dark else BLACK,
                 )  # fmt: skip
     ax.figure.colorbar(image, ax=ax, label=label)
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
-    if title:
-        ax.set_title(title)
-    return ax
+    return finished(ax, xlabel, ylabel, title)

@@ -4,5 +4,3 @@ from __future__ import annotations
 
 from susp_ctrl.report.saving import SaveError, check_folder
 from susp_ctrl.report.study_result import FigureGallery, StudyResult, run_study
-
-__all__ = ["FigureGallery", "SaveError", "StudyResult", "check_folder", "run_study"]

@@ -5,11 +5,13 @@ Blocks hold content, not layout: the document, the CSV files and a notebook all 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, get_args
 
 import pandas as pd
+from matplotlib.figure import Figure as MatplotlibFigure
 
 from susp_ctrl.report.formatting import (
     NOTHING,
@@ -23,25 +25,15 @@ from susp_ctrl.report.formatting import (
     unit_text,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-Kind = Literal[
-    "text",
-    "long",
-    "prose",
-    "signal",
-    "unit",
-    "number",
-    "exact",
-    "fixed",
-    "integer",
-    "change",
-    "check",
-    "written",
-    "formula",
-]
-_RIGHT = ("written", "number", "exact", "fixed", "integer", "change")
+Words = Literal["text", "long", "prose", "signal", "unit", "formula", "check"]
+Numbers = Literal["written", "number", "exact", "fixed", "integer", "change"]
+_WORDS: Mapping[str, Callable[[str], str]] = {
+    "signal": signal_text,
+    "unit": unit_text,
+    "prose": prose,
+    "long": prose,
+    "formula": formula_text,
+}
 
 
 @dataclass(frozen=True)
@@ -69,7 +61,7 @@ class Column:
 
     name: str
     heading: str
-    kind: Kind = "text"
+    kind: Words | Numbers = "text"
     digits: int = 4
     scale: float = 1.0
     words: Mapping[str, str] = field(default_factory=dict)
@@ -77,22 +69,13 @@ class Column:
     @property
     def align(self) -> str:
         """Side of the column: numbers stand right."""
-        return "right" if self.kind in _RIGHT else "left"
+        return "right" if self.kind in get_args(Numbers) else "left"
 
     def text(self, value: Any) -> str:
         """Return one cell as it is shown."""
-        missing = value is None or (isinstance(value, float) and value != value)
         if isinstance(value, str):
-            value = self.words.get(value, value)
-            shown = {
-                "signal": signal_text,
-                "unit": unit_text,
-                "prose": prose,
-                "long": prose,
-                "formula": formula_text,
-            }.get(self.kind)
-            return shown(value) if shown else value
-        if missing:
+            return _WORDS.get(self.kind, str)(self.words.get(value, value))
+        if value is None or (isinstance(value, float) and math.isnan(value)):
             return NOTHING
         match self.kind:
             case "number":

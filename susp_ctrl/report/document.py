@@ -9,15 +9,14 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, assert_never
+from typing import Any, assert_never
 
 from susp_ctrl.report.blocks import Block, Box, Equations, Figure, Heading, Section, Table, Text
 from susp_ctrl.report.formatting import prose, sentence
-
-if TYPE_CHECKING:
-    from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results.study_run import StudyRun
 
 DATA_FILE = "report.json"
 _WHOLE_ROWS = 16  # tables up to this length are not broken over pages
@@ -139,15 +138,14 @@ def write_pdf(folder: Path, data: dict[str, Any], name: str = "report.pdf") -> P
     RuntimeError
         The template cannot be set with this data (a fault of this program, never of the user's).
     """
-    try:
-        import typst
-    except ImportError:
+    typst = _typst()
+    if typst is None:
         return None
     source = folder / DATA_FILE
     source.write_text(json.dumps(data, ensure_ascii=False), encoding="utf-8")
-    template = _source("equations.typ") + _source("template.typ")
+    template = (asset("equations.typ") + asset("template.typ")).encode()
     try:
-        document: bytes = typst.compile(  # type: ignore[type-var]
+        document: bytes = typst.compile(
             template,
             root=str(folder),
             ignore_system_fonts=True,
@@ -163,19 +161,14 @@ def write_pdf(folder: Path, data: dict[str, Any], name: str = "report.pdf") -> P
 
 def equations_svg() -> dict[str, str]:
     """Return every group of equations as SVG, by name; empty where typst is missing."""
-    try:
-        import typst
-    except ImportError:
+    typst = _typst()
+    if typst is None:
         return {}
-    page = b"#set page(width: 16cm, height: auto, margin: 2pt, fill: none)\n#set par(justify: true)\n"
-    source = page + _source("equations.typ") + b"\n#equations.at(sys.inputs.name)\n"
-    names = [name.decode() for name in re.findall(rb"^  (\w+): \[$", source, flags=re.MULTILINE)]
-    return {
-        name: bytes(
-            typst.compile(source, format="svg", ignore_system_fonts=True, sys_inputs={"name": name})
-        ).decode()
-        for name in names
-    }
+    page = "#set page(width: 16cm, height: auto, margin: 2pt, fill: none)\n#set par(justify: true)\n"
+    source = page + asset("equations.typ") + "\n#equations.at(sys.inputs.name)\n"
+    set_as_svg = partial(typst.compile, source.encode(), format="svg", ignore_system_fonts=True)
+    names = re.findall(r"^  (\w+): \[$", source, flags=re.MULTILINE)
+    return {name: bytes(set_as_svg(sys_inputs={"name": name})).decode() for name in names}
 
 
 def footer(run: StudyRun) -> str:
@@ -189,8 +182,17 @@ def is_shown(block: Block) -> bool:
     return not isinstance(block, Table) or (block.in_document and bool(block.columns))
 
 
-def _source(name: str) -> bytes:
-    return files("susp_ctrl.report").joinpath("assets", name).read_bytes()
+def asset(name: str) -> str:
+    """Return a file of the folder ``assets`` as text."""
+    return files("susp_ctrl.report").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def _typst() -> Any:
+    try:
+        import typst  # only here: where its wheel is missing everything but the PDF is written
+    except ImportError:
+        return None
+    return typst
 
 
 def _table_size(table: Table, rows: list[dict[str, Any]]) -> tuple[float, float]:

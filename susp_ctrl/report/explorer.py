@@ -8,17 +8,18 @@ from __future__ import annotations
 import json
 import re
 from base64 import b64encode
+from collections.abc import Mapping
 from html import escape
-from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from susp_ctrl.arrays import FloatArray
+from susp_ctrl.plotting import map_legend, map_picture
+from susp_ctrl.report.document import asset
 from susp_ctrl.report.formatting import prose, signal_text, symbol_text, unit_text, with_unit
 from susp_ctrl.report.sections.maps import axis_label, axis_scale
-
-if TYPE_CHECKING:
-    from susp_ctrl.study.results.maps import FloatArray, MapExplorer
+from susp_ctrl.study.results.maps import MapExplorer
 
 _DIGITS = np.frombuffer(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_", dtype=np.uint8)
 _HALF = 2047  # steps from 0 to the peak: far finer than a screen
@@ -32,8 +33,6 @@ def explorer_html(explorer: MapExplorer) -> str:
     explorer
         What was computed on the grid.
     """
-    from susp_ctrl.plotting import map_legend, map_picture
-
     case = explorer.map
     parts = {
         "name": case.name,
@@ -51,12 +50,17 @@ def explorer_html(explorer: MapExplorer) -> str:
         # No "<" can end the script element that the data stand in.
         "data": json.dumps(explorer_data(explorer), ensure_ascii=False).replace("<", "\\u003c"),
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match.group(1)], _source("explorer.html"))
+    return filled("explorer.html", parts)
 
 
 def explorer_script() -> str:
     """Return the script that the maps need."""
-    return _source("explorer.js")
+    return asset("explorer.js")
+
+
+def filled(name: str, parts: Mapping[str, str]) -> str:
+    """Return an HTML file of the package with its ``{{names}}`` replaced by these parts."""
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match.group(1)], asset(name))
 
 
 def explorer_data(explorer: MapExplorer) -> dict[str, Any]:
@@ -119,7 +123,3 @@ def _design_mark(explorer: MapExplorer) -> str:
 
 def _short(value: float) -> float:
     return float(f"{value:.6g}")
-
-
-def _source(name: str) -> str:
-    return files("susp_ctrl.report").joinpath("assets", name).read_text(encoding="utf-8")

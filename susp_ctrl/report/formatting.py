@@ -25,9 +25,7 @@ def number_text(value: Any, digits: int = 4) -> str:
     >>> number_text(0.00097508), number_text(-28.19843, 3), number_text(192000.0)
     ('9.751×10⁻⁴', '−28.2', '192\u2009000')
     """
-    if value is None:
-        return NOTHING
-    number = float(value)
+    number = math.nan if value is None else float(value)
     if math.isnan(number):
         return NOTHING
     if math.isinf(number):
@@ -38,7 +36,7 @@ def number_text(value: Any, digits: int = 4) -> str:
     exponent = int(power)
     if -3 <= exponent < 7:
         return grouped(f"{number:.{max(digits - 1 - exponent, 0)}f}")
-    return f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPTS)}".replace("-", _MINUS)
+    return mantissa.replace("-", _MINUS) + _power_of_ten(power)
 
 
 def exact_text(value: Any, digits: int = 8) -> str:
@@ -54,8 +52,7 @@ def exact_text(value: Any, digits: int = 8) -> str:
     number = float(value)
     if number != 0.0 and not 1e-4 <= abs(number) < 1e8:
         mantissa, _, power = f"{number:.{digits - 1}e}".partition("e")
-        mantissa = mantissa.rstrip("0").rstrip(".")
-        return f"{mantissa}×10{str(int(power)).translate(_SUPERSCRIPTS)}".replace("-", _MINUS)
+        return mantissa.rstrip("0").rstrip(".").replace("-", _MINUS) + _power_of_ten(power)
     text = f"{number:.{digits}g}"
     return grouped(f"{number:.0f}" if "e" in text else text)
 
@@ -82,6 +79,10 @@ def change_text(percent: Any) -> str:
     if float(f"{float(percent):.1f}") == 0.0:
         return f"{text}{_THIN}="
     return f"+{text}{_THIN}▲" if float(percent) > 0 else f"{text}{_THIN}▼"
+
+
+def _power_of_ten(exponent: str) -> str:
+    return f"×10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
 
 
 def grouped(text: str) -> str:
@@ -124,9 +125,7 @@ def prose(text: str) -> str:
     """
     words = re.sub(r"\b[a-z]{2,}(_[a-z]{2,})+\b", lambda match: signal_text(match.group()), text.strip())
     words = re.sub(r"(?<=/s)2\b", "²", symbol_text(words))
-    words = re.sub(
-        r"(?<=\d)e([+-]?\d+)\b", lambda m: f"×10{str(int(m.group(1))).translate(_SUPERSCRIPTS)}", words
-    )
+    words = re.sub(r"(?<=\d)e([+-]?\d+)\b", lambda match: _power_of_ten(match.group(1)), words)
     return re.sub(r"(?<![\w\]).])-(?=[\d.])", _MINUS, words)
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from susp_ctrl.study.results.study_run import Design, StudyRun
+from susp_ctrl.plotting import curve_style
+from susp_ctrl.study.results.study_run import Design, StudyRun
 
 # Numbers of susp_ctrl.plotting.curve_style by preference: passive black dashed, published broken lines, tuned solid
 # lines; a design whose preferred looks are taken gets one that is still free.
@@ -45,8 +45,6 @@ def history_looks(designs: Iterable[Design]) -> dict[str, dict[str, Any]]:
     The passive car is a broad light line in the background, published designs are broken and tuned ones thin solid
     lines in front, in the colours and with the markers that they have everywhere.
     """
-    from susp_ctrl.plotting import curve_style
-
     result = {}
     for label, (number, role) in _numbered(designs).items():
         look = curve_style(number)
@@ -58,8 +56,3 @@ def history_looks(designs: Iterable[Design]) -> dict[str, dict[str, Any]]:
             look |= {"linestyle": "-", "linewidth": 0.75}
         result[label] = look
     return result
-
-
-def subscript(number: int) -> str:
-    """Return a positive whole number as subscript digits."""
-    return str(number).translate(str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉"))

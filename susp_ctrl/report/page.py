@@ -5,22 +5,19 @@ The page opens offline; its content security policy forbids any network request.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from html import escape
-from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, assert_never
+from typing import assert_never
 
+from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Box, Equations, Figure, Heading, Section, Table, Text
 from susp_ctrl.report.document import equations_svg, footer, is_shown, opening
-from susp_ctrl.report.explorer import explorer_html, explorer_script
+from susp_ctrl.report.explorer import explorer_html, explorer_script, filled
 from susp_ctrl.report.formatting import prose, sentence
 from susp_ctrl.report.sections.maps import figure_key
-
-if TYPE_CHECKING:
-    from susp_ctrl.study.results.maps import MapExplorer
-    from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results.maps import MapExplorer
+from susp_ctrl.study.results.study_run import StudyRun
 
 _TOOLS = (
     '<span class="tools"><button>+</button><button>−</button><button title="whole plot">⟲</button></span>'
@@ -71,10 +68,8 @@ def write_page(
         "footer": escape(footer(run)),
         "script": explorer_script() if explorers else "",
     }
-    template = files("susp_ctrl.report").joinpath("assets", "page.html").read_text(encoding="utf-8")
-    page = re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match.group(1)], template)
     target = folder / name
-    target.write_text(page, encoding="utf-8")
+    target.write_text(filled("page.html", parts), encoding="utf-8")
     return target
 
 
@@ -148,10 +143,8 @@ def _block(block: Block, folder: Path, equations: dict[str, str]) -> str:
 
 
 def _svg(figure: Figure, folder: Path) -> str:
-    from susp_ctrl.plotting import save_figure
-
     path = folder / f".{figure.key}.svg"
-    save_figure(figure.draw(), path)
+    plotting.save_figure(figure.draw(), path)
     text = path.read_text(encoding="utf-8")
     path.unlink()
     return text[text.index("<svg") :]  # without the XML declaration, which HTML does not know

@@ -7,22 +7,24 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
+from matplotlib.figure import Figure as MatplotlibFigure
+
+from susp_ctrl import plotting
+from susp_ctrl import study as studies
 from susp_ctrl.report.blocks import Figure, Section, Table
 from susp_ctrl.report.document import NO_TYPST, payload, write_pdf
 from susp_ctrl.report.page import table_html, write_page
 from susp_ctrl.report.saving import MANIFEST, replacing, write_manifest
 from susp_ctrl.report.sections import sections_of
 from susp_ctrl.report.sections.provenance import all_versions
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from susp_ctrl.study import Study
-    from susp_ctrl.study.results.maps import MapExplorer
-    from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study import Study
+from susp_ctrl.study.results.maps import MapExplorer
+from susp_ctrl.study.results.storage import RESULTS, write_run
+from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.sections.map_explorer import map_explorers
 
 Progress = Callable[[str, float], None]
 
@@ -142,8 +144,6 @@ class StudyResult:
         SaveError
             The file system refuses (read-only, disk full); nothing was changed.
         """
-        from susp_ctrl.study.results.storage import RESULTS, write_run
-
         report = progress or (lambda stage, fraction: None)
         target = Path(folder)
         with replacing(target) as partial:
@@ -173,7 +173,6 @@ class StudyResult:
 
     def _explorers(self, report: Progress) -> list[MapExplorer]:
         """Return the maps to click on; only the page needs them, so only then they are computed."""
-        from susp_ctrl.study.sections.map_explorer import map_explorers
 
         def told(share: float) -> None:
             report("points of the stability map", 0.92 + 0.05 * share)
@@ -195,15 +194,13 @@ class StudyResult:
             )
 
     def _write_figures(self, folder: Path, report: Progress) -> None:
-        from susp_ctrl.plotting import save_figure
-
         folder.mkdir()
         for number, figure in enumerate(self._figures):
             report(f"drawing {figure.key.replace('_', ' ')}", 0.9 * number / len(self._figures))
             drawn = figure.draw()
-            save_figure(drawn, folder / f"{figure.key}.png")
+            plotting.save_figure(drawn, folder / f"{figure.key}.png")
             drawn.set_layout_engine("none")  # the layout stands; a second pass would only cost time
-            save_figure(drawn, folder / f"{figure.key}.pdf")
+            plotting.save_figure(drawn, folder / f"{figure.key}.pdf")
 
     def _about(self) -> dict[str, Any]:
         source = self.data.provenance
@@ -267,9 +264,7 @@ def run_study(study: Study, progress: Progress | None = None) -> StudyResult:
 
     ``result.save("out/bump")`` writes the report.
     """
-    from susp_ctrl.study import compute_study
-
-    return StudyResult(compute_study(study, progress=progress))
+    return StudyResult(studies.compute_study(study, progress=progress))
 
 
 __all__ = ["MANIFEST", "FigureGallery", "StudyResult", "run_study"]

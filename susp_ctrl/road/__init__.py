@@ -14,15 +14,3 @@ from susp_ctrl.road.measured import MeasuredRoad
 from susp_ctrl.road.random_road import RandomRoad
 from susp_ctrl.road.road_signals import RoadSignal
 from susp_ctrl.road.two_tracks import TwoTrackRoad
-
-__all__ = [
-    "ISO_8608_CLASSES",
-    "BumpRoad",
-    "FilteredNoiseRoad",
-    "HarmonicRoad",
-    "Iso8608Spectrum",
-    "MeasuredRoad",
-    "RandomRoad",
-    "RoadSignal",
-    "TwoTrackRoad",
-]

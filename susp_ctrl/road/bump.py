@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.road.road_signals import Road, RoadSignal
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -43,25 +41,16 @@ class BumpRoad(Road):
     speed: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "height", validation.number("height", self.height))
-        object.__setattr__(self, "length", validation.number("length", self.length, above=0.0))
-        object.__setattr__(self, "speed", validation.number("speed", self.speed, above=0.0))
+        self._keep(height=validation.number("height", self.height))
+        self._keep_positive("length", "speed")
 
     @property
     def duration(self) -> float:
         """Time on the bump, length/v (s)."""
         return self.length / self.speed
 
-    def signal(self, lag: float = 0.0) -> RoadSignal:
-        """Return the elevation under a wheel that meets the bump `lag` seconds later.
-
-        Raises
-        ------
-        InputError
-            If the lag is negative or not finite.
-        """
-        lag = validation.number("lag", lag, at_least=0.0)
-        return RoadSignal(self._elevation, lag=lag, breakpoints=(lag, lag + self.duration))
+    def _first_wheel(self) -> RoadSignal:
+        return RoadSignal(self._elevation, breakpoints=(0.0, self.duration))
 
     def _elevation(self, t: FloatArray) -> FloatArray:
         # sin^2 form: no cancellation at the foot of the bump

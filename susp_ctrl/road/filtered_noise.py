@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 from susp_ctrl.road.iso8608 import REFERENCE_WAVENUMBER, class_and_level
 from susp_ctrl.road.road_signals import RoadSignal, SpectralRoad
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,12 +70,10 @@ class FilteredNoiseRoad(SpectralRoad):
     path: CubicSpline = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        for name in ("speed", "length", "step", "n_cut"):
-            object.__setattr__(self, name, validation.number(name, getattr(self, name), above=0.0))
-        object.__setattr__(self, "lead", validation.number("lead", self.lead, at_least=0.0))
+        self._keep_positive("speed", "length", "step", "n_cut")
+        self._keep(lead=validation.number("lead", self.lead, at_least=0.0))
         iso_class, level = class_and_level(self.iso_class, self.g_d)
-        object.__setattr__(self, "iso_class", iso_class)
-        object.__setattr__(self, "density_at_n0", level)
+        self._keep(iso_class=iso_class, density_at_n0=level)
         # two samples more at either end keep the spline's end conditions off the road that is used
         behind, ahead = (int(np.ceil(reach / self.step)) + 2 for reach in (self.lead, self.length))
         noise = validation.random_generator(self.seed).standard_normal(behind + ahead + 1)
@@ -85,25 +82,17 @@ class FilteredNoiseRoad(SpectralRoad):
         noise[0] *= sigma  # the first value is drawn from the stationary distribution
         noise[1:] *= sigma * np.sqrt(-np.expm1(2 * np.log(memory)))
         distance = self.step * np.arange(-behind, ahead + 1)
-        object.__setattr__(self, "path", CubicSpline(distance, lfilter([1.0], [1.0, -memory], noise)))
+        self._keep(path=CubicSpline(distance, lfilter([1.0], [1.0, -memory], noise)))
 
     @property
     def band(self) -> tuple[float, float]:
         """Angular frequencies (rad/s) that the sampled path resolves at this speed."""
         return 0.0, np.pi * self.speed / self.step
 
-    def signal(self, lag: float = 0.0) -> RoadSignal:
-        """Return the elevation under a wheel that meets the road `lag` seconds later.
-
-        Raises
-        ------
-        InputError
-            If the lag is negative or not finite.
-        """
-        lag = validation.number("lag", lag, at_least=0.0)
+    def _first_wheel(self) -> RoadSignal:
         # the third derivative of the spline jumps at its knots
-        knots = tuple((lag + self.path.x / self.speed).tolist())
-        return RoadSignal(self._elevation, lag=lag, breakpoints=knots, bandwidth=self.band[1])
+        knots = tuple((self.path.x / self.speed).tolist())
+        return RoadSignal(self._elevation, breakpoints=knots, bandwidth=self.band[1])
 
     def _elevation(self, t: FloatArray) -> FloatArray:
         distance = self.speed * t

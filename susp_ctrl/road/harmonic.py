@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 from susp_ctrl.road.road_signals import Lines, Road, RoadSignal
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,8 +44,8 @@ class HarmonicRoad(Road):
     steady: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "amplitude", validation.number("amplitude", self.amplitude, at_least=0.0))
-        object.__setattr__(self, "omega", validation.number("omega", self.omega, above=0.0))
+        self._keep(amplitude=validation.number("amplitude", self.amplitude, at_least=0.0))
+        self._keep_positive("omega")
         if not isinstance(self.steady, bool):
             raise InputError(f"steady = {self.steady!r} is not allowed: True or False is needed")
 
@@ -56,23 +54,10 @@ class HarmonicRoad(Road):
         """The spectrum: (omegas, amplitudes, phases), one line."""
         return np.array([self.omega]), np.array([self.amplitude]), np.zeros(1)
 
-    def signal(self, lag: float = 0.0) -> RoadSignal:
-        """Return the elevation under a wheel that meets the road `lag` seconds later.
-
-        Raises
-        ------
-        InputError
-            If the lag is negative or not finite.
-        """
-        lag = validation.number("lag", lag, at_least=0.0)
-        omegas, amplitudes, phases = self.lines
-        return RoadSignal(
-            self._elevation,
-            lag=lag,
-            breakpoints=() if self.steady else (lag,),
-            bandwidth=self.omega,
-            sines=(omegas, amplitudes, phases - omegas * lag) if self.steady else None,
-        )
+    def _first_wheel(self) -> RoadSignal:
+        if self.steady:
+            return RoadSignal(self._elevation, bandwidth=self.omega, sines=self.lines)
+        return RoadSignal(self._elevation, breakpoints=(0.0,), bandwidth=self.omega)
 
     def _elevation(self, t: FloatArray) -> FloatArray:
         wave = self.amplitude * np.sin(self.omega * t)

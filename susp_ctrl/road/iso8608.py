@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 REFERENCE_WAVENUMBER = 0.1  # n0 (cycle/m)
 
@@ -54,8 +53,7 @@ class Iso8608Spectrum:
     def density(self, n: ArrayLike) -> FloatArray:
         """Return G_d (m3) at the wavenumbers n (cycle/m)."""
         n = np.asarray(n, dtype=float)
-        # a wavenumber that was n_max before it was turned into rad/s and back still belongs to the band
-        inside = (n >= self.n_min * (1 - 1e-12)) & (n <= self.n_max * (1 + 1e-12))
+        inside = within(n, self.n_min, self.n_max)
         ratio = np.where(inside, n, REFERENCE_WAVENUMBER) / REFERENCE_WAVENUMBER
         return np.where(inside, self.g_d * ratio**-self.waviness, 0.0)
 
@@ -74,6 +72,12 @@ class Iso8608Spectrum:
         log_ratio = np.log(high / low)
         integral = log_ratio if p == 0 else low**p * np.expm1(p * log_ratio) / p
         return np.asarray(self.g_d * REFERENCE_WAVENUMBER**self.waviness * integral)
+
+
+def within(n: FloatArray, n_min: float, n_max: float) -> NDArray[np.bool_]:
+    """Return which wavenumbers lie in a band."""
+    # one that was n_max before it was turned into rad/s and back still belongs to the band
+    return (n >= n_min * (1 - 1e-12)) & (n <= n_max * (1 + 1e-12))
 
 
 def class_and_level(iso_class: str | None, g_d: float | None) -> tuple[str | None, float]:

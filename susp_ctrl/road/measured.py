@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import pandas as pd
+from numpy.typing import ArrayLike
 from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
 from scipy.signal import welch
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
-from susp_ctrl.road.iso8608 import REFERENCE_WAVENUMBER, Iso8608Spectrum
+from susp_ctrl.road.iso8608 import REFERENCE_WAVENUMBER, Iso8608Spectrum, within
 from susp_ctrl.road.road_signals import RoadSignal, SpectralRoad
-
-FloatArray = NDArray[np.float64]
 
 _INTERPOLATIONS = ("cubic", "linear")
 _SEGMENTS = 8  # of the Welch estimate, before overlap
@@ -57,18 +57,15 @@ class MeasuredRoad(SpectralRoad):
     _spline: CubicSpline | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        def keep(name: str, value: object) -> None:
-            object.__setattr__(self, name, value)
-
-        keep("speed", validation.number("speed", self.speed, above=0.0))
-        keep("interpolation", validation.one_of("interpolation", self.interpolation, _INTERPOLATIONS))
+        self._keep_positive("speed")
+        self._keep(interpolation=validation.one_of("interpolation", self.interpolation, _INTERPOLATIONS))
         distance = validation.increasing("distance", self.distance)
         elevation = validation.vector("elevation", self.elevation, size=distance.size)
         if distance.size < 4:
             raise InputError(f"distance has {distance.size} values: at least 4 are needed")
         samples = (distance - distance[0], elevation - elevation[0])
-        keep("samples", samples)
-        keep("_spline", CubicSpline(*samples) if self.interpolation == "cubic" else None)
+        spline = CubicSpline(*samples) if self.interpolation == "cubic" else None
+        self._keep(samples=samples, _spline=spline)
 
     @classmethod
     def from_csv(
@@ -101,8 +98,6 @@ class MeasuredRoad(SpectralRoad):
             If the file cannot be read, a column is missing or holds anything but numbers, or as the class
             itself.
         """
-        import pandas as pd  # here only: roads without a file need no pandas
-
         file = Path(path)
         try:
             table = pd.read_csv(file, comment="#", skipinitialspace=True)
@@ -133,23 +128,14 @@ class MeasuredRoad(SpectralRoad):
     def band(self) -> tuple[float, float]:
         """Angular frequencies (rad/s) that the PSD estimate resolves at this speed."""
         n, _ = self._welch
-        return 2 * np.pi * self.speed * float(n[0]), 2 * np.pi * self.speed * float(n[-1])
+        return self._per_wavenumber * float(n[0]), self._per_wavenumber * float(n[-1])
 
-    def signal(self, lag: float = 0.0) -> RoadSignal:
-        """Return the elevation under a wheel that meets the record `lag` seconds later.
-
-        Raises
-        ------
-        InputError
-            If the lag is negative or not finite.
-        """
-        lag = validation.number("lag", lag, at_least=0.0)
+    def _first_wheel(self) -> RoadSignal:
         x = self.samples[0]
         return RoadSignal(
             self._elevation,
-            lag=lag,
             # every sample: a cubic spline too is smooth only between them, its third derivative jumps
-            breakpoints=tuple((lag + x / self.speed).tolist()),
+            breakpoints=tuple((x / self.speed).tolist()),
             bandwidth=float(np.pi * self.speed / np.min(np.diff(x))),
         )
 
@@ -177,7 +163,7 @@ class MeasuredRoad(SpectralRoad):
         """Return Welch's estimate of the one-sided displacement PSD (m3) at n (cycle/m), zero off its band."""
         known, density = self._welch
         n = np.asarray(n, dtype=float)
-        inside = (n >= known[0] * (1 - 1e-12)) & (n <= known[-1] * (1 + 1e-12))
+        inside = within(n, known[0], known[-1])
         # the slope spectrum n^2 G_d is nearly flat on a road, so straight lines between its estimates keep
         # the power
         place = np.where(inside, n, known[0])

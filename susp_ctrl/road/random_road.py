@@ -6,26 +6,18 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.road.iso8608 import Iso8608Spectrum, class_and_level
 from susp_ctrl.road.road_signals import Lines, RoadSignal, SpectralRoad
 from susp_ctrl.road.sine_sum import sine_sum
 
-FloatArray = NDArray[np.float64]
 
-
-def sine_signal(lines: Lines, lag: float) -> RoadSignal:
-    """Return sum a_i sin(omega_i (t - lag) + phi_i) as the signal of one wheel."""
-    lag = validation.number("lag", lag, at_least=0.0)
-    omegas, amplitudes, phases = lines
-    return RoadSignal(
-        partial(_at_times, lines),
-        lag=lag,
-        bandwidth=float(omegas[-1]),
-        sines=(omegas, amplitudes, phases - omegas * lag),
-    )
+def sine_signal(lines: Lines) -> RoadSignal:
+    """Return sum a_i sin(omega_i t + phi_i) as the signal of the first wheel."""
+    return RoadSignal(partial(_at_times, lines), bandwidth=float(lines[0][-1]), sines=lines)
 
 
 def _at_times(lines: Lines, t: FloatArray) -> FloatArray:
@@ -106,31 +98,24 @@ class RandomRoad(SpectralRoad):
     lines: Lines = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        def keep(name: str, value: object) -> None:
-            object.__setattr__(self, name, value)
-
-        keep("speed", validation.number("speed", self.speed, above=0.0))
-        keep("bins", validation.integer("bins", self.bins, at_least=1))
+        self._keep_positive("speed")
+        self._keep(bins=validation.integer("bins", self.bins, at_least=1))
         iso_class, level = class_and_level(self.iso_class, self.g_d)
-        keep("iso_class", iso_class)
         spectrum = Iso8608Spectrum(g_d=level, waviness=self.waviness, n_min=self.n_min, n_max=self.n_max)
-        keep("spectrum", spectrum)
         edges = np.geomspace(spectrum.n_min, spectrum.n_max, self.bins + 1)
-        keep("edges", edges)
         variance = spectrum.variance(edges[:-1], edges[1:])
         wavenumbers = np.sqrt(spectrum.slope_variance(edges[:-1], edges[1:]) / variance)
         phases = validation.random_generator(self.seed).uniform(0.0, 2 * np.pi, self.bins)
-        keep("lines", (2 * np.pi * self.speed * wavenumbers, np.sqrt(2 * variance), phases))
+        lines = (self._per_wavenumber * wavenumbers, np.sqrt(2 * variance), phases)
+        self._keep(iso_class=iso_class, spectrum=spectrum, edges=edges, lines=lines)
 
     @property
     def band(self) -> tuple[float, float]:
         """Angular frequencies (rad/s) between which the road has content at this speed."""
-        per_wavenumber = 2 * np.pi * self.speed
-        return per_wavenumber * self.spectrum.n_min, per_wavenumber * self.spectrum.n_max
+        return self._per_wavenumber * self.spectrum.n_min, self._per_wavenumber * self.spectrum.n_max
 
-    def signal(self, lag: float = 0.0) -> RoadSignal:
-        """Return the elevation under a wheel that meets the road `lag` seconds later."""
-        return sine_signal(self.lines, lag)
+    def _first_wheel(self) -> RoadSignal:
+        return sine_signal(self.lines)
 
     def spatial_psd(self, n: ArrayLike) -> FloatArray:
         """Return the one-sided displacement PSD G_d(n) (m3) at wavenumbers n (cycle/m), zero off the band."""

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 
-FloatArray = NDArray[np.float64]
 Lines = tuple[FloatArray, FloatArray, FloatArray]
 
 
@@ -46,11 +46,29 @@ class RoadSignal:
 
 
 class Road(ABC):
-    """Base of all roads: the profile and the signals of several wheels follow from one `signal`."""
+    """Base of all roads: profile and signals of all wheels follow from what the first wheel meets."""
+
+    def _keep(self, **values: object) -> None:
+        """Set fields of the frozen road while it is made."""
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def _keep_positive(self, *names: str) -> None:
+        self._keep(**{name: validation.number(name, getattr(self, name), above=0.0) for name in names})
 
     @abstractmethod
+    def _first_wheel(self) -> RoadSignal:
+        """Return the elevation under the wheel without lag."""
+
     def signal(self, lag: float = 0.0) -> RoadSignal:
-        """Return the elevation under a wheel that meets the road `lag` seconds later."""
+        """Return the elevation under a wheel that meets the road `lag` seconds later.
+
+        Raises
+        ------
+        InputError
+            If the lag is negative or not finite.
+        """
+        return delayed(self._first_wheel(), validation.number("lag", lag, at_least=0.0))
 
     def profile(self, timepts: ArrayLike, lag: float = 0.0) -> FloatArray:
         """Return the road elevation x_g(t - lag).
@@ -115,8 +133,23 @@ class SpectralRoad(Road):
 
         G(omega) = G_d(n)/(2 pi v) with n = omega/(2 pi v); its integral over omega > 0 is the variance.
         """
-        per_wavenumber = 2 * np.pi * self.speed
-        return self.spatial_psd(np.asarray(omega, dtype=float) / per_wavenumber) / per_wavenumber
+        wavenumbers = np.asarray(omega, dtype=float) / self._per_wavenumber
+        return self.spatial_psd(wavenumbers) / self._per_wavenumber
+
+    @property
+    def _per_wavenumber(self) -> float:
+        """Angular frequency of one cycle per metre at this speed, 2 pi v (rad/s per cycle/m)."""
+        return 2 * np.pi * self.speed
+
+
+def delayed(signal: RoadSignal, lag: float) -> RoadSignal:
+    """Return the signal of a wheel that meets the road of the first wheel `lag` seconds later."""
+    breakpoints = tuple(lag + time for time in signal.breakpoints)
+    sines = signal.sines
+    if sines is not None:
+        omegas, amplitudes, phases = sines
+        sines = (omegas, amplitudes, phases - omegas * lag)
+    return replace(signal, lag=lag, breakpoints=breakpoints, sines=sines)
 
 
 def checked_lags(lags: Mapping[str, float]) -> dict[str, float]:

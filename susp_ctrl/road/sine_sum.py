@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from susp_ctrl.arrays import FloatArray
 
 _HALF_WIDTH = 10.0  # omega_max times half a block (rad)
 _NODES = 38

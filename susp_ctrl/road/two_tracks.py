@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 from susp_ctrl.road.random_road import RandomRoad, sine_signal
-from susp_ctrl.road.road_signals import Lines, Road, RoadSignal, checked_lags
-
-FloatArray = NDArray[np.float64]
+from susp_ctrl.road.road_signals import Lines, Road, RoadSignal, checked_lags, delayed
 
 # Omega_p (rad/m) and p of the coherence by road class, as used in Project Chrono
 COHERENCE_OF_CLASS = {"A": (8.5, 3.5), "B": (5.3, 2.2), "C": (3.0, 1.3), "D": (1.6, 0.8), "E": (0.8, 0.5)}
@@ -80,9 +79,6 @@ class TwoTrackRoad(Road):
     right_lines: Lines = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        def keep(name: str, value: object) -> None:
-            object.__setattr__(self, name, value)
-
         if not isinstance(self.road, RandomRoad):
             raise InputError(f"road = {self.road!r} is not allowed: a RandomRoad is needed")
         usual = dict(
@@ -94,12 +90,13 @@ class TwoTrackRoad(Road):
             if value is None and name not in usual:
                 raise InputError(f"{name} = None is not allowed with a road that has no class A to E")
             shape.append(validation.number(name, usual[name] if value is None else value, above=0.0))
-        keep("shape", tuple(shape))
-        keep("track_width", validation.number("track_width", self.track_width, above=0.0))
-        keep("width_exponent", validation.number("width_exponent", self.width_exponent, at_least=0.0))
+        self._keep_positive("track_width")
+        width_exponent = validation.number("width_exponent", self.width_exponent, at_least=0.0)
+        self._keep(shape=tuple(shape), width_exponent=width_exponent)
         omegas, amplitudes, phases = self.road.lines
         signs = validation.random_generator(self.seed).choice([-1.0, 1.0], omegas.size)
-        keep("right_lines", (omegas, amplitudes, phases + signs * np.arccos(self.coherence(omegas))))
+        phases = phases + signs * np.arccos(self.coherence(omegas))
+        self._keep(right_lines=(omegas, amplitudes, phases))
 
     @property
     def band(self) -> tuple[float, float]:
@@ -141,7 +138,11 @@ class TwoTrackRoad(Road):
             If the lag is negative or not finite, or there is no such track.
         """
         on_left = validation.one_of("track", track, ("left", "right")) == "left"
-        return self.road.signal(lag) if on_left else sine_signal(self.right_lines, lag)
+        first = self._first_wheel() if on_left else sine_signal(self.right_lines)
+        return delayed(first, validation.number("lag", lag, at_least=0.0))
+
+    def _first_wheel(self) -> RoadSignal:
+        return sine_signal(self.road.lines)
 
     def inputs(self, lags: Mapping[str, float]) -> dict[str, RoadSignal]:
         """Return one signal per road input, of the track its name ends in.

@@ -12,15 +12,3 @@ from susp_ctrl.vehicle.mechanics import GRAVITY, Tire
 from susp_ctrl.vehicle.presets import VEHICLE_PRESETS, VehiclePreset, vehicle_preset
 from susp_ctrl.vehicle.quarter_car import QuarterCar
 from susp_ctrl.vehicle.seat import Seat
-
-__all__ = [
-    "GRAVITY",
-    "VEHICLE_PRESETS",
-    "FullCar",
-    "HalfCar",
-    "QuarterCar",
-    "Seat",
-    "Tire",
-    "VehiclePreset",
-    "vehicle_preset",
-]

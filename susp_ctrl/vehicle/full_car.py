@@ -8,19 +8,9 @@ from typing import ClassVar, Self
 import control
 import numpy as np
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.vehicle.half_car import HalfCar
-from susp_ctrl.vehicle.mechanics import (
-    GRAVITY,
-    Coordinates,
-    FloatArray,
-    Output,
-    Tire,
-    TwoAxles,
-    state_space,
-    suspension_matrices,
-)
-
-_WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+from susp_ctrl.vehicle.mechanics import WHEEL_FIELDS, Spring, TwoAxles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +64,7 @@ class FullCar(TwoAxles):
     program's choice of a car of that size.
     """
 
+    _WHEELS: ClassVar[tuple[str, ...]] = ("front_left", "front_right", "rear_left", "rear_right")
     _NON_NEGATIVE: ClassVar[frozenset[str]] = frozenset(
         {"damping_front", "damping_rear", "anti_roll_stiffness_front", "anti_roll_stiffness_rear"}
     )
@@ -117,13 +108,7 @@ class FullCar(TwoAxles):
         """
         shared = {
             f"{field}_{axle}": getattr(car, f"{field}_{axle}")
-            for field in (
-                "unsprung_mass",
-                "tire_stiffness",
-                "spring_stiffness",
-                "damping",
-                "axle_distance",
-            )
+            for field in (*WHEEL_FIELDS, "axle_distance")
             for axle in ("front", "rear")
         }
         return cls(
@@ -135,24 +120,9 @@ class FullCar(TwoAxles):
             **shared,
         )
 
-    @property
-    def tires(self) -> tuple[Tire, ...]:
-        """The four tires in the order of the plant: deflection output, stiffness, static load (N)."""
+    def _carried_masses(self) -> FloatArray:
         on_front_axle = self.body_mass * self.axle_distance_rear / self.wheelbase
-        front = (on_front_axle / 2 + self.unsprung_mass_front) * GRAVITY
-        rear = ((self.body_mass - on_front_axle) / 2 + self.unsprung_mass_rear) * GRAVITY
-        loads = (front, front, rear, rear)
-        return tuple(
-            Tire(f"tire_deflection_{wheel}", float(k), load)
-            for wheel, k, load in zip(_WHEELS, self._per_wheel("tire_stiffness"), loads, strict=True)
-        )
-
-    def static_loads(self) -> dict[str, float]:
-        """Return the static tire loads (N) of the four wheels, g = 9.81 m/s2."""
-        return {wheel: tire.static_load for wheel, tire in zip(_WHEELS, self.tires, strict=True)}
-
-    def _per_wheel(self, field: str) -> FloatArray:
-        return np.repeat([getattr(self, f"{field}_front"), getattr(self, f"{field}_rear")], 2)
+        return np.repeat([on_front_axle, self.body_mass - on_front_axle], 2) / 2
 
     def plant(self) -> control.StateSpace:
         """Return the car as a plant with named signals.
@@ -166,64 +136,24 @@ class FullCar(TwoAxles):
             unsprung_velocity_*, suspension_velocity_*, actuator_force_*, each * being front_left,
             front_right, rear_left, rear_right. States are the coordinates and then their velocities.
         """
-        corners = tuple(f"unsprung_{wheel}" for wheel in _WHEELS)
-        q = Coordinates((*corners, "body", "pitch", "roll"))
-        behind = np.repeat([-self.axle_distance_front, self.axle_distance_rear], 2)
-        left = 0.5 * np.array([self.track_front, -self.track_front, self.track_rear, -self.track_rear])
-        deflections = np.array(
+        behind = self._per_wheel("axle_distance") * [-1.0, -1.0, 1.0, 1.0]
+        left = self._per_wheel("track") * [0.5, -0.5, 0.5, -0.5]
+        return self._assembled(
+            "full_car",
+            {
+                "body": (self.body_mass, np.ones(4)),
+                "pitch": (self.pitch_inertia, behind),
+                "roll": (self.roll_inertia, left),
+            },
             [
-                q.row(**{corner: -1, "body": 1, "pitch": a, "roll": b})
-                for corner, a, b in zip(corners, behind, left, strict=True)
-            ]
-        )
-        damping, stiffness = suspension_matrices(
-            deflections, self._per_wheel("spring_stiffness"), self._per_wheel("damping")
-        )
-        twist = deflections[[0, 2]] - deflections[[1, 3]]
-        bars = np.array([self.anti_roll_stiffness_front, self.anti_roll_stiffness_rear])
-        stiffness = stiffness + twist.T @ (bars[:, None] * twist)
-        wheels = np.array([q.row(**{corner: 1}) for corner in corners])
-        road_forces = wheels.T * self._per_wheel("tire_stiffness")
-        inertias = np.array([self.body_mass, self.pitch_inertia, self.roll_inertia])
-        return state_space(
-            np.concatenate([self._per_wheel("unsprung_mass"), inertias]),
-            damping,
-            stiffness + road_forces @ wheels,
-            road_forces,
-            deflections.T,
-            _outputs(q, deflections, wheels),
-            coordinate_names=[
-                *((f"unsprung_displacement_{wheel}", f"unsprung_velocity_{wheel}") for wheel in _WHEELS),
-                ("body_displacement", "body_velocity"),
-                ("pitch_angle", "pitch_velocity"),
-                ("roll_angle", "roll_velocity"),
+                self._anti_roll_bar("front", self.track_front, self.anti_roll_stiffness_front),
+                self._anti_roll_bar("rear", self.track_rear, self.anti_roll_stiffness_rear),
             ],
-            road_names=[f"road_{wheel}" for wheel in _WHEELS],
-            force_names=[f"force_{wheel}" for wheel in _WHEELS],
-            name="full_car",
         )
 
-
-def _outputs(q: Coordinates, deflections: FloatArray, wheels: FloatArray) -> list[Output]:
-    body, pitch, roll, per_wheel = q.row(body=1), q.row(pitch=1), q.row(roll=1), np.eye(4)
-    corners = list(enumerate(_WHEELS))
-    return [
-        Output("body_acceleration", acceleration=body),
-        Output("pitch_acceleration", acceleration=pitch),
-        Output("roll_acceleration", acceleration=roll),
-        *(Output(f"suspension_deflection_{wheel}", displacement=deflections[k]) for k, wheel in corners),
-        *(
-            Output(f"tire_deflection_{wheel}", displacement=wheels[k], road=-per_wheel[k])
-            for k, wheel in corners
-        ),
-        *(Output(f"unsprung_displacement_{wheel}", displacement=wheels[k]) for k, wheel in corners),
-        Output("body_displacement", displacement=body),
-        Output("pitch_angle", displacement=pitch),
-        Output("roll_angle", displacement=roll),
-        Output("body_velocity", velocity=body),
-        Output("pitch_velocity", velocity=pitch),
-        Output("roll_velocity", velocity=roll),
-        *(Output(f"unsprung_velocity_{wheel}", velocity=wheels[k]) for k, wheel in corners),
-        *(Output(f"suspension_velocity_{wheel}", velocity=deflections[k]) for k, wheel in corners),
-        *(Output(f"actuator_force_{wheel}", force=per_wheel[k]) for k, wheel in corners),
-    ]
+    @staticmethod
+    def _anti_roll_bar(axle: str, track: float, stiffness: float) -> Spring:
+        # d_left - d_right: heave and pitch drop out
+        return Spring(
+            {f"unsprung_{axle}_left": -1.0, f"unsprung_{axle}_right": 1.0, "roll": track}, stiffness
+        )

@@ -8,21 +8,11 @@ from typing import ClassVar
 import control
 import numpy as np
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
-from susp_ctrl.vehicle.mechanics import (
-    GRAVITY,
-    Coordinates,
-    FloatArray,
-    Output,
-    Tire,
-    TwoAxles,
-    state_space,
-    suspension_matrices,
-)
+from susp_ctrl.vehicle.mechanics import WHEEL_FIELDS, Output, Spring, TwoAxles
 from susp_ctrl.vehicle.quarter_car import QuarterCar
 from susp_ctrl.vehicle.seat import Seat
-
-_AXLES = ("front", "rear")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +69,7 @@ class HalfCar(TwoAxles):
     0.138
     """
 
+    _WHEELS: ClassVar[tuple[str, ...]] = ("front", "rear")
     _NON_NEGATIVE: ClassVar[frozenset[str]] = frozenset({"damping_front", "damping_rear"})
     _COMPONENTS: ClassVar[frozenset[str]] = frozenset({"seat"})
 
@@ -101,26 +92,12 @@ class HalfCar(TwoAxles):
         if self.seat is not None and not isinstance(self.seat, Seat):
             raise InputError(f"HalfCar.seat = {self.seat!r} is not allowed: a Seat or None is needed")
 
-    @property
-    def tires(self) -> tuple[Tire, ...]:
-        """Front and rear tire: deflection output, stiffness, static load (N)."""
-        body = np.array([self.axle_distance_rear, self.axle_distance_front]) * self.body_mass
+    def _carried_masses(self) -> FloatArray:
+        arms = self._per_wheel("axle_distance")[::-1]  # the nearer an axle, the more it carries
+        moment = arms * self.body_mass
         if self.seat is not None:
-            lever = np.array(
-                [self.axle_distance_rear - self.seat.position, self.axle_distance_front + self.seat.position]
-            )
-            body = body + lever * self.seat.passenger_mass
-        unsprung = np.array([self.unsprung_mass_front, self.unsprung_mass_rear])
-        loads = (body / self.wheelbase + unsprung) * GRAVITY
-        stiffness = (self.tire_stiffness_front, self.tire_stiffness_rear)
-        return tuple(
-            Tire(f"tire_deflection_{axle}", k, float(load))
-            for axle, k, load in zip(_AXLES, stiffness, loads, strict=True)
-        )
-
-    def static_loads(self) -> dict[str, float]:
-        """Return the static tire loads (N) of the front and the rear axle, g = 9.81 m/s2."""
-        return {axle: tire.static_load for axle, tire in zip(_AXLES, self.tires, strict=True)}
+            moment = moment + (arms + self.seat.position * np.array([-1.0, 1.0])) * self.seat.passenger_mass
+        return moment / self.wheelbase
 
     def quarter_cars(self) -> tuple[QuarterCar, QuarterCar]:
         """Return the front and the rear quarter car with the body mass each axle carries.
@@ -132,13 +109,10 @@ class HalfCar(TwoAxles):
         shares = {"front": front_share, "rear": 1.0 - front_share}
         front, rear = (
             QuarterCar(
-                body_mass=self.body_mass * shares[axle],
-                unsprung_mass=getattr(self, f"unsprung_mass_{axle}"),
-                tire_stiffness=getattr(self, f"tire_stiffness_{axle}"),
-                spring_stiffness=getattr(self, f"spring_stiffness_{axle}"),
-                damping=getattr(self, f"damping_{axle}"),
+                body_mass=self.body_mass * share,
+                **{field: getattr(self, f"{field}_{axle}") for field in WHEEL_FIELDS},
             )
-            for axle in _AXLES
+            for axle, share in shares.items()
         )
         return front, rear
 
@@ -156,82 +130,27 @@ class HalfCar(TwoAxles):
             seat_acceleration, and with a passenger seat_deflection, seat_displacement and seat_velocity.
             States are the coordinates and then their velocities.
         """
+        motions = {
+            "body": (self.body_mass, [1.0, 1.0]),
+            "pitch": (self.pitch_inertia, [-self.axle_distance_front, self.axle_distance_rear]),
+        }
         seat = self.seat
-        passenger = seat is not None and seat.has_passenger
-        q = Coordinates(
-            ("unsprung_front", "unsprung_rear", "body", "pitch", *(("passenger",) if passenger else ()))
-        )
-        mass = [self.unsprung_mass_front, self.unsprung_mass_rear, self.body_mass, self.pitch_inertia]
-        deflections = np.array(
+        if seat is None:
+            return self._assembled("half_car", motions)
+        place = {"body": 1.0, "pitch": seat.position}
+        if not seat.has_passenger:
+            return self._assembled("half_car", motions, outputs=[Output("seat_acceleration", 2, place)])
+        motions["seat"] = (seat.passenger_mass, [0.0, 0.0])
+        passenger = {"seat": 1.0}
+        deflection = {"seat": 1.0, "body": -1.0, "pitch": -seat.position}
+        return self._assembled(
+            "half_car",
+            motions,
+            [Spring(deflection, seat.stiffness, seat.damping)],
             [
-                q.row(unsprung_front=-1, body=1, pitch=-self.axle_distance_front),
-                q.row(unsprung_rear=-1, body=1, pitch=self.axle_distance_rear),
-            ]
+                Output("seat_acceleration", 2, passenger),
+                Output("seat_deflection", 0, deflection),
+                Output("seat_displacement", 0, passenger),
+                Output("seat_velocity", 1, passenger),
+            ],
         )
-        springs = [self.spring_stiffness_front, self.spring_stiffness_rear]
-        dampers = [self.damping_front, self.damping_rear]
-        supports = deflections
-        if seat is not None and passenger:
-            mass.append(seat.passenger_mass)
-            supports = np.vstack([deflections, q.row(passenger=1, body=-1, pitch=-seat.position)])
-            springs.append(seat.stiffness)
-            dampers.append(seat.damping)
-        damping, stiffness = suspension_matrices(supports, springs, dampers)
-        wheels = np.array([q.row(unsprung_front=1), q.row(unsprung_rear=1)])
-        road_forces = wheels.T * np.array([self.tire_stiffness_front, self.tire_stiffness_rear])
-        stiffness = stiffness + road_forces @ wheels
-        named = [
-            ("unsprung_displacement_front", "unsprung_velocity_front"),
-            ("unsprung_displacement_rear", "unsprung_velocity_rear"),
-            ("body_displacement", "body_velocity"),
-            ("pitch_angle", "pitch_velocity"),
-        ]
-        if passenger:
-            named.append(("seat_displacement", "seat_velocity"))
-        return state_space(
-            np.array(mass),
-            damping,
-            stiffness,
-            road_forces,
-            deflections.T,
-            [*_outputs(q, deflections, wheels), *_seat_outputs(q, seat)],
-            coordinate_names=named,
-            road_names=[f"road_{axle}" for axle in _AXLES],
-            force_names=[f"force_{axle}" for axle in _AXLES],
-            name="half_car",
-        )
-
-
-def _outputs(q: Coordinates, deflections: FloatArray, wheels: FloatArray) -> list[Output]:
-    """Return the outputs of every half car, in their public order."""
-    body, pitch, per_axle = q.row(body=1), q.row(pitch=1), np.eye(2)
-    axles = list(enumerate(_AXLES))
-    return [
-        Output("body_acceleration", acceleration=body),
-        Output("pitch_acceleration", acceleration=pitch),
-        *(Output(f"suspension_deflection_{axle}", displacement=deflections[k]) for k, axle in axles),
-        *(Output(f"tire_deflection_{axle}", displacement=wheels[k], road=-per_axle[k]) for k, axle in axles),
-        *(Output(f"unsprung_displacement_{axle}", displacement=wheels[k]) for k, axle in axles),
-        Output("body_displacement", displacement=body),
-        Output("pitch_angle", displacement=pitch),
-        Output("body_velocity", velocity=body),
-        Output("pitch_velocity", velocity=pitch),
-        *(Output(f"unsprung_velocity_{axle}", velocity=wheels[k]) for k, axle in axles),
-        *(Output(f"suspension_velocity_{axle}", velocity=deflections[k]) for k, axle in axles),
-        *(Output(f"actuator_force_{axle}", force=per_axle[k]) for k, axle in axles),
-    ]
-
-
-def _seat_outputs(q: Coordinates, seat: Seat | None) -> list[Output]:
-    """Return the outputs a seat adds."""
-    if seat is None:
-        return []
-    if not seat.has_passenger:
-        return [Output("seat_acceleration", acceleration=q.row(body=1, pitch=seat.position))]
-    passenger = q.row(passenger=1)
-    return [
-        Output("seat_acceleration", acceleration=passenger),
-        Output("seat_deflection", displacement=q.row(passenger=1, body=-1, pitch=-seat.position)),
-        Output("seat_displacement", displacement=passenger),
-        Output("seat_velocity", velocity=passenger),
-    ]

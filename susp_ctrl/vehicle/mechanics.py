@@ -1,26 +1,30 @@
 """From masses, dampers and springs to a plant with named signals.
 
-    M q'' + C q' + K q = W_r x_g + W_f f,      y = P q + V q' + A q'' + D_r x_g + D_f f
+    M q'' + C q' + K q = W_r x_g + W_f f,      q = [wheels, motions of the body, passenger]
 
 A suspension between a wheel and the body is one row d with d q its deflection: it adds k d'd to K and c d'd
-to C, and its actuator force f enters as d' f (a positive force pushes the body up and the wheel down).
+to C, and its actuator force f enters as d' f (a positive force pushes the body up and the wheel down). With q''
+from this equation every signal is a row over [q, q', x_g, f], so the rows of q' and q'' are [A B] of the plant and
+those of the outputs [C D].
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
-
-FloatArray = NDArray[np.float64]
+from susp_ctrl.arrays import FloatArray
 
 GRAVITY = 9.81  # m/s2
+WHEEL_FIELDS = ("unsprung_mass", "tire_stiffness", "spring_stiffness", "damping")
+_COORDINATE_OF_MOTION = {"body": "body_displacement", "pitch": "pitch_angle", "roll": "roll_angle"}
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,24 @@ class Tire:
     deflection: str
     stiffness: float
     static_load: float
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring (N/m) and a damper (N s/m) with the deflection d q, d by the names of the coordinates."""
+
+    row: Mapping[str, float]
+    stiffness: float
+    damping: float = 0.0
+
+
+@dataclass(frozen=True)
+class Output:
+    """An output d q (order 0), d q' (order 1) or d q'' (order 2), d by the names of the coordinates."""
+
+    name: str
+    order: int
+    row: Mapping[str, float]
 
 
 class ValidatedFields:
@@ -48,13 +70,10 @@ class ValidatedFields:
         for field in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
             if field.name in self._COMPONENTS:
                 continue
-            value, name = getattr(self, field.name), f"{owner}.{field.name}"
+            limits = {"at_least": 0.0} if field.name in self._NON_NEGATIVE else {"above": 0.0}
             if field.name in self._ANY_SIGN:
-                checked = validation.number(name, value)
-            elif field.name in self._NON_NEGATIVE:
-                checked = validation.number(name, value, at_least=0.0)
-            else:
-                checked = validation.number(name, value, above=0.0)
+                limits = {}
+            checked = validation.number(f"{owner}.{field.name}", getattr(self, field.name), **limits)
             object.__setattr__(self, field.name, checked)
 
     def replace(self, **changes: Any) -> Self:
@@ -72,7 +91,114 @@ class ValidatedFields:
         return type(self)(**{**current, **changes})
 
 
-class TwoAxles(ValidatedFields):
+class Vehicle(ValidatedFields, ABC):
+    """Base of the vehicles: wheels named by `_WHEELS`, on each of them a suspension, on these the body.
+
+    The fields of `WHEEL_FIELDS` are given once for each axle, as ``damping_front``; a wheel takes those of its axle,
+    the first word of its name. The only wheel of a quarter car has no name.
+    """
+
+    _WHEELS: ClassVar[tuple[str, ...]]
+
+    @property
+    def tires(self) -> tuple[Tire, ...]:
+        """The tires in the order of the plant: deflection output, stiffness, static load (N)."""
+        loads = (self._carried_masses() + self._per_wheel("unsprung_mass")) * GRAVITY
+        return tuple(
+            Tire(_named("tire_deflection", wheel), float(stiffness), float(load))
+            for wheel, stiffness, load in zip(
+                self._WHEELS, self._per_wheel("tire_stiffness"), loads, strict=True
+            )
+        )
+
+    def static_loads(self) -> dict[str, float]:
+        """Return the static tire loads (N) by wheel, g = 9.81 m/s2."""
+        return {
+            wheel or "wheel": tire.static_load for wheel, tire in zip(self._WHEELS, self.tires, strict=True)
+        }
+
+    @abstractmethod
+    def _carried_masses(self) -> FloatArray:
+        """Return the mass (kg) above each suspension at standstill."""
+
+    def _per_wheel(self, field: str) -> FloatArray:
+        return np.array([getattr(self, _named(field, wheel.partition("_")[0])) for wheel in self._WHEELS])
+
+    def _by_wheel(self, signal: str, rows: FloatArray) -> dict[str, FloatArray]:
+        return {_named(signal, wheel): row for wheel, row in zip(self._WHEELS, rows, strict=True)}
+
+    def _assembled(
+        self,
+        name: str,
+        motions: Mapping[str, tuple[float, ArrayLike]],
+        springs: Sequence[Spring] = (),
+        outputs: Sequence[Output] = (),
+    ) -> control.StateSpace:
+        """Return the plant with state [q, q'] and inputs [roads, forces].
+
+        Parameters
+        ----------
+        name : str
+            Name of the plant.
+        motions : mapping of name to (inertia, levers)
+            The coordinates after those of the wheels (named unsprung_*): mass or inertia (kg, kg m2), and how far
+            the upper end of each suspension moves with it. "body", "pitch" and "roll" have outputs.
+        springs : sequence of Spring
+            Others than the suspensions.
+        outputs : sequence of Output
+            After the usual ones.
+        """
+        names = [*(_named("unsprung", wheel) for wheel in self._WHEELS), *motions]
+        w, n = len(self._WHEELS), len(names)
+        wheels = np.eye(w, n)
+        levers = np.array([lever for _, lever in motions.values()], dtype=float).T
+        deflections = np.hstack([np.zeros((w, w)), levers]) - wheels
+        supports = np.vstack([deflections, *(_row(spring.row, names) for spring in springs)])
+        damping = _between(supports, [*self._per_wheel("damping"), *(s.damping for s in springs)])
+        stiffness = _between(
+            supports, [*self._per_wheel("spring_stiffness"), *(s.stiffness for s in springs)]
+        )
+        road_forces = wheels.T * self._per_wheel("tire_stiffness")
+        stiffness += road_forces @ wheels
+        mass = np.array([*self._per_wheel("unsprung_mass"), *(inertia for inertia, _ in motions.values())])
+
+        q, velocity, road, force = np.split(np.eye(2 * n + 2 * w), [n, 2 * n, 2 * n + w])
+        acceleration = np.hstack([-stiffness, -damping, road_forces, deflections.T]) / mass[:, None]
+        body = {motion: k for k, motion in enumerate(names) if motion in _COORDINATE_OF_MOTION}
+        signals = {
+            **{f"{motion}_acceleration": acceleration[k] for motion, k in body.items()},
+            **self._by_wheel("suspension_deflection", deflections @ q),
+            **self._by_wheel("tire_deflection", q[:w] - road),
+            **self._by_wheel("unsprung_displacement", q[:w]),
+            **{_COORDINATE_OF_MOTION[motion]: q[k] for motion, k in body.items()},
+            **{f"{motion}_velocity": velocity[k] for motion, k in body.items()},
+            **self._by_wheel("unsprung_velocity", velocity[:w]),
+            **self._by_wheel("suspension_velocity", deflections @ velocity),
+            **self._by_wheel("actuator_force", force),
+        }
+        for output in outputs:
+            signals[output.name] = _row(output.row, names) @ (q, velocity, acceleration)[output.order]
+        A, B = np.split(np.vstack([velocity, acceleration]), [2 * n], axis=1)
+        C, D = np.split(np.array(list(signals.values())), [2 * n], axis=1)
+        return control.StateSpace(
+            A,
+            B,
+            C,
+            D,
+            remove_useless_states=False,
+            inputs=[_named(kind, wheel) for kind in ("road", "force") for wheel in self._WHEELS],
+            outputs=list(signals),
+            states=[
+                *(_named("unsprung_displacement", wheel) for wheel in self._WHEELS),
+                *(_COORDINATE_OF_MOTION.get(motion, f"{motion}_displacement") for motion in motions),
+                *(_named("unsprung_velocity", wheel) for wheel in self._WHEELS),
+                *(f"{motion}_velocity" for motion in motions),
+            ],
+            name=name,
+        )
+
+
+class TwoAxles(Vehicle):
     """Mixin of vehicles with a front and a rear axle."""
 
     axle_distance_front: float
@@ -104,100 +230,14 @@ class TwoAxles(ValidatedFields):
         return self.wheelbase / validation.number("speed", speed, above=0.0)
 
 
-@dataclass(frozen=True)
-class Coordinates:
-    """Named generalised coordinates q: turns ``{"body": 1, "pitch": -Lf}`` into a row."""
-
-    names: tuple[str, ...]
-
-    def row(self, **entries: float) -> FloatArray:
-        """Return the row d with d q = sum of entry times coordinate."""
-        result = np.zeros(len(self.names))
-        for name, value in entries.items():
-            result[self.names.index(name)] = value
-        return result
+def _named(signal: str, wheel: str) -> str:
+    return f"{signal}_{wheel}" if wheel else signal
 
 
-@dataclass(frozen=True)
-class Output:
-    """One named output, linear in q, q', q'', the road inputs and the actuator forces."""
-
-    name: str
-    displacement: FloatArray | None = None
-    velocity: FloatArray | None = None
-    acceleration: FloatArray | None = None
-    road: FloatArray | None = None
-    force: FloatArray | None = None
+def _row(entries: Mapping[str, float], names: Sequence[str]) -> FloatArray:
+    return np.array([entries.get(name, 0.0) for name in names])
 
 
-def suspension_matrices(
-    deflections: FloatArray, stiffness: ArrayLike, damping: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
-    """Return (C, K) of springs and dampers between the coordinates.
-
-    Parameters
-    ----------
-    deflections : array, shape (suspensions, coordinates)
-        Row k gives the deflection of suspension k.
-    stiffness, damping : array_like, length suspensions
-        N/m and N s/m.
-    """
-    stiff = np.asarray(stiffness, dtype=float)
-    damp = np.asarray(damping, dtype=float)
-    return deflections.T @ (damp[:, None] * deflections), deflections.T @ (stiff[:, None] * deflections)
-
-
-def state_space(
-    mass: FloatArray,
-    damping: FloatArray,
-    stiffness: FloatArray,
-    road_forces: FloatArray,
-    actuator_forces: FloatArray,
-    outputs: Sequence[Output],
-    *,
-    coordinate_names: Sequence[tuple[str, str]],
-    road_names: Sequence[str],
-    force_names: Sequence[str],
-    name: str,
-) -> control.StateSpace:
-    """Assemble the plant with state [q, q'] and inputs [roads, forces].
-
-    Parameters
-    ----------
-    mass : array, shape (n,)
-        Diagonal of M (kg, kg m2).
-    damping, stiffness : array, shape (n, n)
-        C and K.
-    road_forces, actuator_forces : array, shape (n, roads), (n, forces)
-        W_r and W_f.
-    outputs : sequence of Output
-    coordinate_names : sequence of (displacement state name, velocity state name)
-    road_names, force_names : sequence of str
-    name : str
-        Name of the plant.
-    """
-    n, roads, forces = mass.size, len(road_names), len(force_names)
-    inputs = np.hstack([road_forces, actuator_forces])
-    accelerations = np.hstack([-stiffness, -damping]) / mass[:, None]  # q'' as a function of [q, q']
-    per_input = inputs / mass[:, None]
-    A = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), accelerations])
-    B = np.vstack([np.zeros((n, roads + forces)), per_input])
-
-    def stacked(attribute: str, width: int) -> FloatArray:
-        rows = [getattr(output, attribute) for output in outputs]
-        return np.array([np.zeros(width) if row is None else row for row in rows])
-
-    acting = stacked("acceleration", n)
-    C = np.hstack([stacked("displacement", n), stacked("velocity", n)]) + acting @ accelerations
-    D = np.hstack([stacked("road", roads), stacked("force", forces)]) + acting @ per_input
-    return control.StateSpace(
-        A,
-        B,
-        C,
-        D,
-        remove_useless_states=False,
-        inputs=[*road_names, *force_names],
-        outputs=[output.name for output in outputs],
-        states=[name for name, _ in coordinate_names] + [name for _, name in coordinate_names],
-        name=name,
-    )
+def _between(rows: FloatArray, factors: ArrayLike) -> FloatArray:
+    """Return sum k d'd over the rows d and their factors k."""
+    return rows.T @ (np.asarray(factors, dtype=float)[:, None] * rows)

@@ -8,19 +8,12 @@ from typing import ClassVar
 import control
 import numpy as np
 
-from susp_ctrl.vehicle.mechanics import (
-    GRAVITY,
-    Coordinates,
-    Output,
-    Tire,
-    ValidatedFields,
-    state_space,
-    suspension_matrices,
-)
+from susp_ctrl.arrays import FloatArray
+from susp_ctrl.vehicle.mechanics import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
-class QuarterCar(ValidatedFields):
+class QuarterCar(Vehicle):
     """Quarter car with two degrees of freedom q = [x_t, x_b].
 
     With the suspension deflection s = x_b - x_t and the road x_g::
@@ -49,6 +42,7 @@ class QuarterCar(ValidatedFields):
     The defaults are the front axle of `HalfCar` with the body mass it carries, m Lr/(Lf + Lr).
     """
 
+    _WHEELS: ClassVar[tuple[str, ...]] = ("",)
     _NON_NEGATIVE: ClassVar[frozenset[str]] = frozenset({"damping"})
 
     body_mass: float = 377.5
@@ -57,15 +51,8 @@ class QuarterCar(ValidatedFields):
     spring_stiffness: float = 17000.0
     damping: float = 1500.0
 
-    @property
-    def tires(self) -> tuple[Tire, ...]:
-        """The tire: deflection output, stiffness, static load (N)."""
-        load = (self.body_mass + self.unsprung_mass) * GRAVITY
-        return (Tire("tire_deflection", self.tire_stiffness, load),)
-
-    def static_loads(self) -> dict[str, float]:
-        """Return the static tire load (N), g = 9.81 m/s2."""
-        return {"wheel": self.tires[0].static_load}
+    def _carried_masses(self) -> FloatArray:
+        return np.array([self.body_mass])
 
     def plant(self) -> control.StateSpace:
         """Return the car as a plant with named signals.
@@ -77,33 +64,4 @@ class QuarterCar(ValidatedFields):
             (wheel minus road), unsprung_displacement, body_displacement, body_velocity, unsprung_velocity,
             suspension_velocity, actuator_force. States are the coordinates and then their velocities.
         """
-        q = Coordinates(("unsprung", "body"))
-        deflection, wheel, body = q.row(unsprung=-1, body=1), q.row(unsprung=1), q.row(body=1)
-        damping, stiffness = suspension_matrices(deflection[None, :], [self.spring_stiffness], [self.damping])
-        road_forces = self.tire_stiffness * wheel[:, None]
-        one = np.ones(1)
-        return state_space(
-            np.array([self.unsprung_mass, self.body_mass]),
-            damping,
-            stiffness + road_forces @ wheel[None, :],
-            road_forces,
-            deflection[:, None],
-            [
-                Output("body_acceleration", acceleration=body),
-                Output("suspension_deflection", displacement=deflection),
-                Output("tire_deflection", displacement=wheel, road=-one),
-                Output("unsprung_displacement", displacement=wheel),
-                Output("body_displacement", displacement=body),
-                Output("body_velocity", velocity=body),
-                Output("unsprung_velocity", velocity=wheel),
-                Output("suspension_velocity", velocity=deflection),
-                Output("actuator_force", force=one),
-            ],
-            coordinate_names=[
-                ("unsprung_displacement", "unsprung_velocity"),
-                ("body_displacement", "body_velocity"),
-            ],
-            road_names=["road"],
-            force_names=["force"],
-            name="quarter_car",
-        )
+        return self._assembled("quarter_car", {"body": (self.body_mass, [1.0])})

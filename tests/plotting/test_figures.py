@@ -1,12 +1,14 @@
-"""Figures as files: the same bytes for the same figure, in a layout without clipped labels."""
+"""Whole figures: panels, and files of the same bytes for the same figure in a layout without clipped labels."""
 
 from __future__ import annotations
 
 import io
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -61,6 +63,37 @@ def test_saving_leaves_the_figure_as_it_was(tmp_path: Path) -> None:
     plotting.save_figure(figure, tmp_path / "a.png")
     assert figure.canvas is canvas
     assert figure.dpi == dpi
+
+
+def test_panels_fill_rows_and_only_the_outer_ones_name_their_axes() -> None:
+    items = ["a", "b", "c", "d", "e"]
+
+    def draw(item: str, ax: Axes) -> None:
+        plotting.draw_history([0.0, 1.0], {"curve": [0.0, 1.0]}, ax, ylabel="y", legend=False, title=item)
+
+    figure = plotting.panels(
+        items, draw, columns=3, height=(0.5, 2.0), legend=2, one_ylabel=True, sharex=True
+    )
+    assert figure.get_size_inches()[1] == 4.5
+    assert [ax.get_title() for ax in figure.axes if ax.get_visible()] == items
+    assert [bool(ax.get_ylabel()) for ax in figure.axes[:5]] == [True, False, False, True, False]
+    assert [bool(ax.get_xlabel()) for ax in figure.axes[:5]] == [False, False, True, True, True]
+    assert len(figure.legends) == 1
+    low = plotting.panels(items[:2], draw, columns=3, height=(0.5, 2.0), highest=2.0)
+    assert len(low.axes) == 2
+    assert low.get_size_inches()[1] == 2.0
+    assert not low.legends
+
+
+def test_a_fresh_figure_is_empty_and_current() -> None:
+    before = plt.figure()
+    try:
+        made = plotting.fresh_figure()
+        assert made is plt.gcf()
+        assert made is not before
+        assert not made.axes
+    finally:
+        plt.close("all")
 
 
 def test_an_unknown_ending_is_refused(tmp_path: Path) -> None:

@@ -101,7 +101,7 @@ def test_histories_are_written_with_the_digits_asked_for(
 
 def _pages(small: StudyResult, folder: Path, data: dict[str, Any]) -> int:
     (folder / "report.json").write_text(json.dumps(data), encoding="utf-8")
-    template = document._source("equations.typ") + document._source("template.typ")
+    template = (document.asset("equations.typ") + document.asset("template.typ")).encode()
     pages = typst.compile(
         template,
         root=str(folder),
@@ -115,7 +115,7 @@ def _pages(small: StudyResult, folder: Path, data: dict[str, Any]) -> int:
 
 def _query(folder: Path, data: dict[str, Any], selector: str) -> list[dict[str, Any]]:
     (folder / "report.json").write_text(json.dumps(data), encoding="utf-8")
-    template = document._source("equations.typ") + document._source("template.typ")
+    template = (document.asset("equations.typ") + document.asset("template.typ")).encode()
     answer = typst.query(
         template, selector, root=str(folder), ignore_system_fonts=True, sys_inputs={"data": "/report.json"}
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from susp_ctrl.report.blocks import Section
 from susp_ctrl.report.sections.audit import audit_section
 from susp_ctrl.report.sections.delay_stability import stability_section
@@ -14,9 +12,7 @@ from susp_ctrl.report.sections.provenance import provenance_section
 from susp_ctrl.report.sections.time import time_sections
 from susp_ctrl.report.sections.tuning import tuning_section
 from susp_ctrl.report.sections.vehicle import model_section, parameters_section
-
-if TYPE_CHECKING:
-    from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results.study_run import StudyRun
 
 
 def sections_of(run: StudyRun) -> tuple[Section, ...]:
@@ -34,6 +30,3 @@ def sections_of(run: StudyRun) -> tuple[Section, ...]:
         provenance_section(run),
     ]
     return tuple(chapter for chapter in chapters if chapter is not None)
-
-
-__all__ = ["sections_of"]

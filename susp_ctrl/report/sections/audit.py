@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from susp_ctrl.report.blocks import Block, Column, Section, Table, Text
 from susp_ctrl.report.formatting import grouped, prose
-
-if TYPE_CHECKING:
-    from susp_ctrl.study.results.study_run import AuditSection, StudyRun
+from susp_ctrl.study.results.study_run import AuditSection, StudyRun
 
 _LONGEST = 11
 _SIGNS = {

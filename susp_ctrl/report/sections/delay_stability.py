@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from itertools import chain
+from typing import Any
 
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as MatplotlibFigure
 
+from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
 from susp_ctrl.report.formatting import capital, exact_text, number_text, symbol_text
 from susp_ctrl.report.looks import labels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from susp_ctrl.study.results.delay_stability import DelayIndependence, DelayLine, StabilitySection
-    from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results.delay_stability import DelayIndependence, DelayLine, StabilitySection
+from susp_ctrl.study.results.study_run import StudyRun
 
 
 def stability_section(run: StudyRun) -> Section | None:
@@ -66,7 +66,7 @@ def stability_section(run: StudyRun) -> Section | None:
 
 def _lines(run: StudyRun, data: StabilitySection) -> list[Block]:
     crossings = pd.concat([_keyed(line, line.crossings) for line in data.lines], ignore_index=True)
-    blocks: list[Block] = [
+    tables = [
         Table(
             key="delay_intervals",
             caption="Intervals of the delay parameter τ with the number of unstable roots in each.",
@@ -101,25 +101,29 @@ def _lines(run: StudyRun, data: StabilitySection) -> list[Block]:
             in_document=0 < len(crossings) <= 60,
         ),
     ]
-    for kind in dict.fromkeys(line.line for line in data.lines):
-        same = [line for line in data.lines if line.line == kind]
-        blocks.append(
-            Figure(
-                key=f"sweep_{kind}",
-                caption=f"Frequency sweep: {_line_title(data, kind)}. A root pair can reach the "
-                "imaginary axis only where a curve meets the line at 1.",
-                draw=partial(_draw_sweeps, run, same),
-            )
-        )
-    blocks.append(
+    sweeps = [
         Figure(
-            key="delay_intervals",
-            caption="Stable (white) and unstable (hatched, with the number of unstable roots) intervals of τ. "
-            "Triangles: the design itself.",
-            draw=partial(_draw_intervals, run, data),
+            key=f"sweep_{kind}",
+            caption=f"Frequency sweep: {_line_title(data, kind)}. A root pair can reach the "
+            "imaginary axis only where a curve meets the line at 1.",
+            draw=partial(_draw_sweeps, run, lines),
         )
+        for kind, lines in _by_kind(data).items()
+    ]
+    intervals = Figure(
+        key="delay_intervals",
+        caption="Stable (white) and unstable (hatched, with the number of unstable roots) intervals of τ. "
+        "Triangles: the design itself.",
+        draw=partial(_draw_intervals, run, data),
     )
-    return blocks
+    return [*tables, *sweeps, intervals]
+
+
+def _by_kind(data: StabilitySection) -> dict[str, list[DelayLine]]:
+    kinds: dict[str, list[DelayLine]] = {}
+    for line in data.lines:
+        kinds.setdefault(line.line, []).append(line)
+    return kinds
 
 
 def _keyed(line: DelayLine, table: pd.DataFrame) -> pd.DataFrame:
@@ -132,22 +136,24 @@ def _keyed(line: DelayLine, table: pd.DataFrame) -> pd.DataFrame:
 def _interval_rows(run: StudyRun, data: StabilitySection) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     names = labels(run)
-    for line in sorted(data.lines, key=lambda one: [other.line for other in data.lines].index(one.line)):
-        first = True
+    for line in chain.from_iterable(_by_kind(data).values()):
+        once: dict[str, Any] = {
+            "label": names[line.design],
+            "design_at": line.tau_of_design,
+            "margin": _margin(line),
+            "crossings": len(line.crossings),
+        }
         for interval in line.intervals.to_dict(orient="records"):
             rows.append(
                 {
                     "line": f"{capital(_line_title(data, line.line))}: τ is the {line.parameter}",
-                    "label": names[line.design] if first else "",
                     "from": interval["tau_from"],
                     "to": interval["tau_to"],
                     "roots": interval["unstable_roots"],
-                    "design_at": line.tau_of_design if first else "",
-                    "margin": _margin(line) if first else "",
-                    "crossings": len(line.crossings) if first else "",
+                    **once,
                 }
             )
-            first = False
+            once = dict.fromkeys(once, "")
     return pd.DataFrame(rows)
 
 
@@ -172,30 +178,22 @@ def _margin(line: DelayLine) -> str:
 
 
 def _draw_sweeps(run: StudyRun, lines: list[DelayLine]) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_unit_modulus, new_figure, shared_legend
-
-    columns = min(len(lines), 3)
-    rows = -(-len(lines) // columns)
-    figure, axes = new_figure(rows, columns, height=0.5 + 1.65 * rows, sharex=True)
     names = labels(run)
-    for number, (ax, line) in enumerate(zip(axes.flat, lines, strict=False)):
+
+    def draw(line: DelayLine, ax: Axes) -> None:
         curves = [_curve_name(name) for name in line.figure_names]
-        draw_unit_modulus(
+        plotting.draw_unit_modulus(
             line.figure_omega,
             dict(zip(curves, line.figure_values, strict=True)),
             ax,
             crossings=line.crossings["omega"].to_numpy(),
-            ylabel="" if number % columns else _modulus_name(line),
+            ylabel=_modulus_name(line),
             styles=dict(zip(curves, (2, 1, 3, 4), strict=False)),
             legend=False,
             title=names[line.design],
         )
-        if number + columns < len(lines):
-            ax.set_xlabel("")
-    for ax in axes.flat[len(lines) :]:
-        ax.set_visible(False)
-    shared_legend(figure, axes)
-    return figure
+
+    return plotting.panels(lines, draw, columns=3, height=(0.5, 1.65), legend=4, one_ylabel=True, sharex=True)
 
 
 def _modulus_name(line: DelayLine) -> str:
@@ -203,16 +201,11 @@ def _modulus_name(line: DelayLine) -> str:
 
 
 def _draw_intervals(run: StudyRun, data: StabilitySection) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_intervals, new_figure, shared_legend
-
     names = labels(run)
-    kinds = list(dict.fromkeys(line.line for line in data.lines))
-    counts = [sum(line.line == kind for line in data.lines) for kind in kinds]
-    figure, axes = new_figure(
-        len(kinds), 1, height=0.5 + sum(0.55 + 0.21 * count for count in counts), height_ratios=counts
-    )
-    for ax, kind in zip(axes[:, 0], kinds, strict=True):
-        same = [line for line in data.lines if line.line == kind]
+    kinds = _by_kind(data)
+
+    def draw(kind: str, ax: Axes) -> None:
+        same = kinds[kind]
         rows = {
             names[line.design]: [
                 (float(start), float(stop), int(roots))
@@ -221,7 +214,7 @@ def _draw_intervals(run: StudyRun, data: StabilitySection) -> MatplotlibFigure:
             for line in same
         }
         marks = {names[line.design]: line.tau_of_design for line in same if line.tau_of_design is not None}
-        draw_intervals(
+        plotting.draw_intervals(
             rows,
             ax,
             marks=marks,
@@ -230,8 +223,10 @@ def _draw_intervals(run: StudyRun, data: StabilitySection) -> MatplotlibFigure:
             legend=False,
             title=_line_title(data, kind),
         )
-    shared_legend(figure, axes)
-    return figure
+
+    counts = [len(lines) for lines in kinds.values()]
+    height = 0.5 + sum(0.55 + 0.21 * count for count in counts)
+    return plotting.panels(list(kinds), draw, columns=1, height=(height, 0.0), legend=4, height_ratios=counts)
 
 
 def _independence(proof: DelayIndependence) -> list[Block]:
@@ -270,10 +265,8 @@ def _independence(proof: DelayIndependence) -> list[Block]:
 
 
 def _draw_independence(proof: DelayIndependence) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_unit_modulus, new_figure
-
-    figure, axes = new_figure(height=2.3)
-    draw_unit_modulus(
+    figure, axes = plotting.new_figure(height=2.3)
+    plotting.draw_unit_modulus(
         proof.curve_omega,
         {"ρ(|G(jω)| diag|g|)": proof.curve_radius},
         axes[0, 0],

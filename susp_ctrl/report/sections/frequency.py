@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from itertools import product
 
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as MatplotlibFigure
 
+from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
 from susp_ctrl.report.formatting import signal_text, unit_text, with_unit
 from susp_ctrl.report.looks import labels, looks
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from susp_ctrl.study.results.study_run import FrequencySection, StudyRun
+from susp_ctrl.study.results.study_run import FrequencySection, StudyRun
 
 _ROADS = (
     " “Lagged” means that the same road meets the following wheels later by the travel time over the wheelbase, “in "
@@ -28,14 +27,13 @@ def frequency_section(run: StudyRun) -> Section | None:
     data = run.frequency
     if data is None:
         return None
+    in_phase = bool(data.velocity_gain_in_phase)
+    rows = " Upper row: lagged road; lower row: wheels in phase." if in_phase else ""
     blocks: list[Block] = [
         Text(
             "All responses are evaluated with the exact delay factor at every frequency; nothing is approximated."
-            + (_ROADS if data.velocity_gain_in_phase else "")
-        )
-    ]
-    rows = " Upper row: lagged road; lower row: wheels in phase." if data.velocity_gain_in_phase else ""
-    blocks += [
+            + (_ROADS if in_phase else "")
+        ),
         Figure(
             key="velocity_gain",
             caption=f"|H| per road velocity of passive car, published and tuned designs.{rows}",
@@ -43,15 +41,15 @@ def frequency_section(run: StudyRun) -> Section | None:
         ),
         _peaks_table(run, data),
     ]
-    for output in [name for name in _BODE_OUTPUTS if name in data.outputs] or list(data.outputs[:2]):
-        blocks.append(
-            Figure(
-                key=f"bode_{output}",
-                caption=f"Bode plot from road displacement to {signal_text(output)}, exact delays"
-                f"{', lagged road' if data.velocity_gain_in_phase else ''}: magnitude and unwrapped phase.",
-                draw=partial(_bode, run, data, output),
-            )
+    blocks += [
+        Figure(
+            key=f"bode_{output}",
+            caption=f"Bode plot from road displacement to {signal_text(output)}, exact delays"
+            f"{', lagged road' if in_phase else ''}: magnitude and unwrapped phase.",
+            draw=partial(_bode, run, data, output),
         )
+        for output in [name for name in _BODE_OUTPUTS if name in data.outputs] or data.outputs[:2]
+    ]
     return Section("Frequency response", tuple(blocks))
 
 
@@ -86,13 +84,11 @@ def _peaks_table(run: StudyRun, data: FrequencySection) -> Table:
 
 
 def _bode(run: StudyRun, data: FrequencySection, output: str) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_bode, new_figure, shared_legend
-
-    figure, axes = new_figure(2, 1, height=4.4, sharex=True, height_ratios=(1.25, 1.0))
+    figure, axes = plotting.new_figure(2, 1, height=4.4, sharex=True, height_ratios=(1.25, 1.0))
     row = data.outputs.index(output)
     names = labels(run)
     unit = run.signal_units.get(output, "")
-    draw_bode(
+    plotting.draw_bode(
         data.omega,
         {names[key]: data.bode[key][row] for key in data.curve_designs},
         (axes[0, 0], axes[1, 0]),
@@ -100,32 +96,31 @@ def _bode(run: StudyRun, data: FrequencySection, output: str) -> MatplotlibFigur
         styles=looks(run.designs),
         legend=False,
     )
-    shared_legend(figure, axes[:1], columns=3)
+    plotting.shared_legend(figure, axes[:1], columns=3)
     return figure
 
 
 def _velocity_gain(run: StudyRun, data: FrequencySection) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_magnitude, new_figure, shared_legend
-
-    rows = [("lagged", data.velocity_gain)]
+    roads = {"lagged": data.velocity_gain}
     if data.velocity_gain_in_phase:
-        rows.append(("in phase", data.velocity_gain_in_phase))
-    columns = len(data.curve_outputs)
-    figure, axes = new_figure(len(rows), columns, height=0.6 + 2.6 * len(rows), sharex=True)
+        roads["in phase"] = data.velocity_gain_in_phase
     names = labels(run)
-    for row, (road, gains) in enumerate(rows):
-        for column, output in enumerate(data.curve_outputs):
-            unit = "rad/(m s)" if run.signal_units.get(output, "").startswith("rad") else "1/s"
-            ax = draw_magnitude(
-                data.omega,
-                {names[key]: gains[key][column] for key in data.curve_designs},
-                axes[row, column],
-                ylabel=f"|H| ({unit})",
-                styles=looks(run.designs),
-                legend=False,
-                title=f"{signal_text(output)}, {road}" if len(rows) > 1 else signal_text(output),
-            )
-            if row + 1 < len(rows):
-                ax.set_xlabel("")
-    shared_legend(figure, axes, columns=3)
-    return figure
+
+    def draw(panel: tuple[str, str], ax: Axes) -> None:
+        road, output = panel
+        curve = data.curve_outputs.index(output)
+        unit = "rad/(m s)" if run.signal_units.get(output, "").startswith("rad") else "1/s"
+        plotting.draw_magnitude(
+            data.omega,
+            {names[key]: roads[road][key][curve] for key in data.curve_designs},
+            ax,
+            ylabel=f"|H| ({unit})",
+            styles=looks(run.designs),
+            legend=False,
+            title=f"{signal_text(output)}, {road}" if len(roads) > 1 else signal_text(output),
+        )
+
+    each = list(product(roads, data.curve_outputs))
+    return plotting.panels(
+        each, draw, columns=len(data.curve_outputs), height=(0.6, 2.6), legend=3, sharex=True
+    )

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure as MatplotlibFigure
 
+from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
 from susp_ctrl.report.formatting import exact_text, number_text, signal_text, symbol_text, unit_text
 from susp_ctrl.report.looks import labels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from susp_ctrl.study.results.maps import MapAxis, StabilityMapCase
-    from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results.maps import MapAxis, StabilityMapCase
+from susp_ctrl.study.results.study_run import StudyRun
 
 
 def maps_section(run: StudyRun) -> Section | None:
@@ -209,8 +207,6 @@ def _limits(run: StudyRun, case: StabilityMapCase) -> Table:
 
 
 def _draw(case: StabilityMapCase) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_stability_map, new_figure
-
     scales = np.array([axis_scale(case.x)[0], axis_scale(case.y)[0]])
     limit, limit_label = None, ""
     if case.gain_limits is not None:
@@ -220,8 +216,8 @@ def _draw(case: StabilityMapCase) -> MatplotlibFigure:
         across, upward = both if case.x.is_delay else both[::-1]
         limit = (scales[0] * across, scales[1] * upward)
         limit_label = "highest stable gain" if np.isnan(low).all() else "limits of the stable gain"
-    figure, axes = new_figure(height=2.6)
-    draw_stability_map(
+    figure, axes = plotting.new_figure(height=2.6)
+    plotting.draw_stability_map(
         scales[0] * case.x_values,
         scales[1] * case.y_values,
         case.unstable_roots,

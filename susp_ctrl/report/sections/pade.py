@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as MatplotlibFigure
+
+from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
 from susp_ctrl.report.formatting import capital, number_text
 from susp_ctrl.report.looks import labels
@@ -14,11 +17,7 @@ from susp_ctrl.report.sections.pade_orders import (
     tolerance_blocks,
     verdict_blocks,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from susp_ctrl.study.results.study_run import PadeCase, StudyRun
+from susp_ctrl.study.results.study_run import PadeCase, StudyRun
 
 _ERRORS = {
     "frequency_error": ("frequency response", "relative"),
@@ -39,20 +38,18 @@ def pade_section(run: StudyRun) -> Section | None:
             "The same loops with every delay replaced by a Padé approximation. It has the right amplitude everywhere, "
             "but the right phase only up to a frequency that grows with its order: an order of ωτ/2 and a few more is "
             "needed. Roots and responses below that frequency are accurate, those above it are not."
-        )
-    ]
-    blocks.append(
+        ),
         Figure(
             key="pade_error",
             caption="Errors of Padé against exact delays over the order. Dotted: the order recommended for the band.",
             draw=partial(_draw, run, run.pade),
-        )
-    )
-    blocks += tolerance_blocks(run)
-    blocks += verdict_blocks(run)
-    blocks += [_errors(run, case) for case in run.pade]
-    blocks += indicator_blocks(run)
-    blocks += cost_blocks(run)
+        ),
+        *tolerance_blocks(run),
+        *verdict_blocks(run),
+        *(_errors(run, case) for case in run.pade),
+        *indicator_blocks(run),
+        *cost_blocks(run),
+    ]
     return Section("Padé against exact delays", tuple(blocks))
 
 
@@ -88,28 +85,22 @@ def _errors(run: StudyRun, case: PadeCase) -> Table:
 
 
 def _draw(run: StudyRun, cases: tuple[PadeCase, ...]) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_order_error, new_figure, shared_legend
-
-    columns = min(len(cases), 2)
-    rows = -(-len(cases) // columns)
-    figure, axes = new_figure(rows, columns, height=0.6 + 2.4 * rows)
     names = labels(run)
-    for number, (ax, case) in enumerate(zip(axes.flat, cases, strict=False)):
+
+    def draw(case: PadeCase, ax: Axes) -> None:
         errors = {
             f"{label} ({unit})": case.table[name].to_numpy(dtype=float)
             for name, (label, unit) in _ERRORS.items()
             if name in case.table and case.table[name].notna().any()
         }
-        draw_order_error(
+        plotting.draw_order_error(
             case.table["order"].to_numpy(dtype=float),
             errors,
             ax,
             needed=float(max(case.recommended_order)),
-            ylabel="" if number % columns else "error",
+            ylabel="error",
             legend=False,
             title=names[case.design],
         )
-    for ax in axes.flat[len(cases) :]:
-        ax.set_visible(False)
-    shared_legend(figure, axes, columns=2)
-    return figure
+
+    return plotting.panels(cases, draw, columns=2, height=(0.6, 2.4), legend=2, one_ylabel=True)

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as MatplotlibFigure
 
+from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Heading, Table, Text
 from susp_ctrl.report.formatting import capital, number_text, signal_text
 from susp_ctrl.report.looks import labels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results.study_run import StudyRun
 
 _ERROR_WORDS = {
     "frequency_error": "frequency response, whole band",
@@ -134,20 +133,19 @@ def indicator_blocks(run: StudyRun) -> list[Block]:
 
 def cost_blocks(run: StudyRun) -> list[Block]:
     """Return the measured cost of each order; a figure and text only, since no two runs measure the same."""
-    measured = [(case, case.cost) for case in run.pade if case.cost is not None]
-    if not measured:
-        return []
     items = []
-    for case, cost in measured:
+    for label, cost in _measured(run):
         exact, last = cost.iloc[0], cost.iloc[-1]
         items.append(
-            f"{labels(run)[case.design]}: with exact delays {number_text(1e3 * exact['simulation_s'], 3)} ms for the "
+            f"{label}: with exact delays {number_text(1e3 * exact['simulation_s'], 3)} ms for the "
             f"simulation, {number_text(1e3 * exact['roots_s'], 3)} ms for the rightmost roots, "
             f"{number_text(1e3 * exact['frequency_s'], 3)} ms for the frequency response; Padé of order "
             f"{last['order']:.0f} has {last['states']:.0f} states instead of {exact['states']:.0f} and takes "
             f"{number_text(last['simulation_ratio'], 2)}, {number_text(last['roots_ratio'], 2)} and "
             f"{number_text(last['frequency_ratio'], 2)} times as long."
         )
+    if not items:
+        return []
     return [
         Heading("Cost"),
         Text(
@@ -165,49 +163,40 @@ def cost_blocks(run: StudyRun) -> list[Block]:
 
 
 def _draw_verdicts(run: StudyRun) -> MatplotlibFigure:
-    from susp_ctrl.plotting import new_figure, shared_legend
-    from susp_ctrl.plotting.approximation import draw_abscissa_over_order
-
     assert run.pade_verdicts is not None
-    groups = list(run.pade_verdicts.groupby("design", sort=False))
-    columns = min(len(groups), 2)
-    rows = -(-len(groups) // columns)
-    figure, axes = new_figure(rows, columns, height=0.5 + 1.9 * rows)
     names = labels(run)
-    for number, (ax, (key, group)) in enumerate(zip(axes.flat, groups, strict=False)):
-        draw_abscissa_over_order(
+
+    def draw(verdicts: tuple[Any, pd.DataFrame], ax: Axes) -> None:
+        key, group = verdicts
+        plotting.draw_abscissa_over_order(
             group["order"].to_numpy(dtype=float),
             group["pade_abscissa"].to_numpy(dtype=float),
             float(group["exact_abscissa"].iloc[0]),
             ax,
-            ylabel="" if number % columns else "abscissa (1/s)",
+            ylabel="abscissa (1/s)",
             legend=False,
             title=f"{names[str(key)]}: {group['exact'].iloc[0]}",
         )
-    for ax in axes.flat[len(groups) :]:
-        ax.set_visible(False)
-    shared_legend(figure, axes, columns=3)
-    return figure
+
+    groups = list(run.pade_verdicts.groupby("design", sort=False))
+    return plotting.panels(groups, draw, columns=2, height=(0.5, 1.9), legend=3, one_ylabel=True)
 
 
 def _draw_cost(run: StudyRun) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_order_error, new_figure, shared_legend
-
-    measured = [(case, case.cost) for case in run.pade if case.cost is not None]
-    columns = min(len(measured), 2)
-    rows = -(-len(measured) // columns)
-    figure, axes = new_figure(rows, columns, height=0.6 + 2.2 * rows)
-    for number, (ax, (case, cost)) in enumerate(zip(axes.flat, measured, strict=False)):
+    def draw(measured: tuple[str, pd.DataFrame], ax: Axes) -> None:
+        label, cost = measured
         orders = cost.iloc[1:]
-        draw_order_error(
+        plotting.draw_order_error(
             orders["order"].to_numpy(dtype=float),
             {label: orders[name].to_numpy(dtype=float) for name, label in _COSTS.items()},
             ax,
-            ylabel="" if number % columns else "time over exact (-)",
+            ylabel="time over exact (-)",
             legend=False,
-            title=labels(run)[case.design],
+            title=label,
         )
-    for ax in axes.flat[len(measured) :]:
-        ax.set_visible(False)
-    shared_legend(figure, axes, columns=3)
-    return figure
+
+    return plotting.panels(_measured(run), draw, columns=2, height=(0.6, 2.2), legend=3, one_ylabel=True)
+
+
+def _measured(run: StudyRun) -> list[tuple[str, pd.DataFrame]]:
+    return [(labels(run)[case.design], case.cost) for case in run.pade if case.cost is not None]

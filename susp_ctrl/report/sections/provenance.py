@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from susp_ctrl.report.blocks import Column, Section, Table, Text
-
-if TYPE_CHECKING:
-    from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results.study_run import StudyRun
 
 
 def all_versions(run: StudyRun) -> dict[str, str]:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as MatplotlibFigure
 
+from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
 from susp_ctrl.report.formatting import capital, exact_text, signal_text, unit_text
 from susp_ctrl.report.looks import history_looks, labels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from susp_ctrl.study.results.study_run import StudyRun, TimeCase
+from susp_ctrl.study.results.study_run import StudyRun, TimeCase
 
 METHODS = {"exact": "exact", "pade": "Padé", "stationary": "no simulation", "printed": "printed"}
 _DISPLAY = {"m": ("mm", 1000.0)}  # displayed unit and factor, by SI unit
@@ -33,7 +32,6 @@ def _case(run: StudyRun, case: TimeCase) -> list[Block]:
     )
     road = case.road_text.rstrip(".")
     pade = f" Padé orders, one per channel: {orders}." if orders else ""
-    histories = history_tables(case)
     return [
         Text(
             f"{capital(road)}. The record lasts {case.timepts[-1]:g} s.{pade} RMS values are taken on the finer step "
@@ -59,26 +57,22 @@ def _case(run: StudyRun, case: TimeCase) -> list[Block]:
         ),
         _difference_table(run, case),
         _indices_table(run, case),
-        *histories,
+        *history_tables(case),
     ]
 
 
 def rms_table(run: StudyRun, case: TimeCase) -> Table:
     """Return the RMS table: one row per indicator and method, one pair of columns per design."""
     names = labels(run)
-    printed = case.printed
     rows: list[dict[str, Any]] = []
     for indicator in dict.fromkeys(case.rms["indicator"]):
         part = case.rms[case.rms["indicator"] == indicator]
         unit = part["unit"].iloc[0]
         for method in METHODS:
             row: dict[str, Any] = {"indicator": indicator, "unit": unit, "method": method}
-            if method == "printed":
-                if printed is None:
-                    continue
-                source = printed[printed["indicator"] == indicator].assign(change_percent=np.nan)
-            else:
-                source = part[part["method"] == method]
+            source = part[part["method"] == method]
+            if method == "printed" and case.printed is not None:
+                source = case.printed[case.printed["indicator"] == indicator].assign(change_percent=np.nan)
             if source.empty:
                 continue
             for record in source.to_dict(orient="records"):
@@ -92,12 +86,12 @@ def rms_table(run: StudyRun, case: TimeCase) -> Table:
         for key in designs
         if f"{key}_change_percent" in frame and frame[f"{key}_change_percent"].notna().any()
     ]
-    frame = frame[["indicator", "unit", "method", *_pairs(designs, changes)]]
     columns = [Column("method", "method", words=METHODS)]
     for key in designs:
         columns.append(Column(key, names[key], "number", 5))
         if key in changes:
             columns.append(Column(f"{key}_change_percent", "change (%)", "change"))
+    frame = frame[["indicator", "unit", *(column.name for column in columns)]]
     group = [
         f"{signal_text(name)} ({unit_text(unit)})"
         for name, unit in zip(frame["indicator"], frame["unit"], strict=True)
@@ -123,15 +117,6 @@ def _as_printed(frame: pd.DataFrame, designs: list[str]) -> pd.DataFrame:
     for key in designs:
         shown.loc[printed, key] = [exact_text(value) for value in frame.loc[printed, key]]
     return shown
-
-
-def _pairs(designs: list[str], changes: list[str]) -> list[str]:
-    result = []
-    for key in designs:
-        result.append(key)
-        if key in changes:
-            result.append(f"{key}_change_percent")
-    return result
 
 
 def history_tables(case: TimeCase) -> list[Table]:
@@ -194,55 +179,42 @@ def _indices_table(run: StudyRun, case: TimeCase) -> Table:
 
 
 def _draw_road(case: TimeCase) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_road, new_figure, shared_legend
-
-    figure, axes = new_figure(height=1.9)
+    figure, axes = plotting.new_figure(height=1.9)
     profiles = {signal_text(name): rows for name, rows in case.road_profiles.items()}
-    draw_road(case.timepts, profiles, axes[0, 0], legend=False)
-    shared_legend(figure, axes)
+    plotting.draw_road(case.timepts, profiles, axes[0, 0], legend=False)
+    plotting.shared_legend(figure, axes)
     return figure
 
 
 def _draw_histories(run: StudyRun, case: TimeCase) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_history, new_figure, shared_legend
-
     names = labels(run)
-    count = len(case.outputs)
-    figure, axes = new_figure(count, 1, height=0.55 + 1.33 * count, sharex=True)
-    for row, output in enumerate(case.outputs):
+
+    def curves(output: str, method: str) -> dict[str, Any]:
+        row = case.outputs.index(output)
+        held = [key for key in case.designs if (key, method) in case.histories]
+        return {names[key]: case.histories[key, method][row] for key in held}
+
+    def draw(output: str, ax: Axes) -> None:
         unit = run.signal_units.get(output, "")
         unit, scale = _DISPLAY.get(unit, (unit, 1.0))
-        exact = {
-            names[key]: case.histories[key, "exact"][row]
-            for key in case.designs
-            if (key, "exact") in case.histories
-        }
-        pade = {
-            names[key]: case.histories[key, "pade"][row]
-            for key in case.designs
-            if (key, "pade") in case.histories
-        }
-        ax = draw_history(
+        plotting.draw_history(
             case.timepts,
-            exact,
-            axes[row, 0],
-            overlay=pade,
+            curves(output, "exact"),
+            ax,
+            overlay=curves(output, "pade"),
             ylabel=unit_text(unit),
             scale=scale,
             styles=history_looks(run.designs),
             legend=False,
             title=signal_text(output),
         )
-        if row + 1 < count:
-            ax.set_xlabel("")
+
+    figure = plotting.panels(case.outputs, draw, columns=1, height=(0.55, 1.33), legend=3, sharex=True)
     figure.align_ylabels()
-    shared_legend(figure, axes, columns=3)
     return figure
 
 
 def _draw_changes(run: StudyRun, case: TimeCase) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_changes, new_figure, shared_legend
-
     names = labels(run)
     exact = case.rms[case.rms["method"] == "exact"]
     indicators = list(dict.fromkeys(exact["indicator"]))
@@ -254,7 +226,7 @@ def _draw_changes(run: StudyRun, case: TimeCase) -> MatplotlibFigure:
         for key in case.designs
         if key != "passive"
     }
-    figure, axes = new_figure(height=0.7 + 0.2 * len(indicators) * max(len(changes), 1))
-    draw_changes([signal_text(name) for name in indicators], changes, axes[0, 0], legend=False)
-    shared_legend(figure, axes)
+    figure, axes = plotting.new_figure(height=0.7 + 0.2 * len(indicators) * max(len(changes), 1))
+    plotting.draw_changes([signal_text(name) for name in indicators], changes, axes[0, 0], legend=False)
+    plotting.shared_legend(figure, axes)
     return figure

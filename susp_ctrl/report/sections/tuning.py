@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as MatplotlibFigure
+
+from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Heading, Section, Table, Text
 from susp_ctrl.report.formatting import capital, number_text, sentence, symbol_text, with_unit
 from susp_ctrl.report.looks import labels, looks
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from susp_ctrl.study.results.study_run import StudyRun, TuningRun
+from susp_ctrl.study.results.study_run import StudyRun, TuningRun
 
 _PAGE = 8.6  # inch; a higher figure would run off the page
 
@@ -139,12 +138,10 @@ def _detuning(run: StudyRun, search: TuningRun) -> list[Block]:
 
 
 def _draw_detuning(run: StudyRun, search: TuningRun) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_detuning, new_figure, shared_legend
-
     assert search.detuning is not None
-    figure, axes = new_figure(height=2.5)
+    figure, axes = plotting.new_figure(height=2.5)
     names = labels(run)
-    draw_detuning(
+    plotting.draw_detuning(
         search.detuning["frequency_factor"].to_numpy() - 1.0,
         {names[key]: search.detuning[key].to_numpy() for key in search.detuning.columns if key in names},
         axes[0, 0],
@@ -152,27 +149,22 @@ def _draw_detuning(run: StudyRun, search: TuningRun) -> MatplotlibFigure:
         styles=looks(run.designs),
         legend=False,
     )
-    shared_legend(figure, axes)
+    plotting.shared_legend(figure, axes)
     return figure
 
 
 def _convergence(run: StudyRun) -> MatplotlibFigure:
-    from susp_ctrl.plotting import draw_convergence, new_figure
-
-    columns = min(len(run.tuning), 2 if len(run.tuning) <= 6 else 3)
-    rows = -(-len(run.tuning) // columns)
-    figure, axes = new_figure(rows, columns, height=min(0.3 + 2.5 * rows, _PAGE))
-    for ax, search in zip(axes.flat, run.tuning, strict=False):
+    def draw(search: TuningRun, ax: Axes) -> None:
         curves = {"best so far": search.history["best"].to_numpy()}
         if "mean" in search.history:
             curves["mean of the feasible"] = search.history["mean"].to_numpy()
-        draw_convergence(
+        plotting.draw_convergence(
             curves,
             ax,
             ylabel=with_unit("J", search.unit),
             styles={"best so far": "tuned", "mean of the feasible": "passive"},
             title=search.label,
         )
-    for ax in axes.flat[len(run.tuning) :]:
-        ax.set_visible(False)
-    return figure
+
+    columns = 2 if len(run.tuning) <= 6 else 3
+    return plotting.panels(run.tuning, draw, columns=columns, height=(0.3, 2.5), highest=_PAGE)

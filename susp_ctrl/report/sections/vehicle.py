@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import pandas as pd
 
 from susp_ctrl.report.blocks import Block, Column, Equations, Section, Table, Text
-from susp_ctrl.report.formatting import capital, exact_text, signal_text
-from susp_ctrl.report.looks import subscript
-
-if TYPE_CHECKING:
-    from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.report.formatting import capital, exact_text, signal_text, symbol_text
+from susp_ctrl.study.results.study_run import StudyRun
 
 _KINDS = {"half_car": "half car", "quarter_car": "quarter car", "full_car": "full car"}
 
@@ -110,8 +105,8 @@ def _designs_table(run: StudyRun, frame: pd.DataFrame) -> Table:
         shown.append(row | {"reference": part["reference"].iloc[0]})
     units = frame.groupby("channel")["gain_unit"].first()
     numbers = range(1, len(channels) + 1)
-    gains = tuple(Column(f"gain_{n}", f"g{subscript(n)} ({units[n]})", "fixed", 1) for n in numbers)
-    delays = tuple(Column(f"delay_{n}", f"τ{subscript(n)} (s)", "fixed", 6) for n in numbers)
+    gains = tuple(Column(f"gain_{n}", f"{symbol_text(f'g{n}')} ({units[n]})", "fixed", 1) for n in numbers)
+    delays = tuple(Column(f"delay_{n}", f"{symbol_text(f'tau{n}')} (s)", "fixed", 6) for n in numbers)
     note = "; ".join(
         f"channel {n}: {signal_text(measured)} to {signal_text(actuator)}"
         for n, (measured, actuator) in enumerate(channels, 1)
