@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 
-LONGEST_DELAY = 1e9
+LONGEST_DELAY = 1e15
 """Longest delay that is taken (s): beyond it the phase of ``e^{-s tau}`` has no digits at any frequency of use."""
 
 

@@ -105,7 +105,12 @@ def _mean_squares(response: RoadResponse, road: Any, rtol: float) -> tuple[Float
         low, high = road.band
         knots = np.geomspace(low if low > 0 else 1e-5 * high, high, _PANELS)
         uncancelled = integrate(
-            lambda omega: response.largest_gain_squared(omega) * road.psd(omega), low, high, 0.1, knots
+            lambda omega: response.largest_gain_squared(omega) * road.psd(omega),
+            low,
+            high,
+            0.1,
+            knots,
+            most=_PANELS,
         )
         integral = integrate(
             lambda omega: response.gain_squared(omega) * road.psd(omega),

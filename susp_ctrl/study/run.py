@@ -4,32 +4,36 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
+from dataclasses import fields, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from susp_ctrl import __version__, validation
 from susp_ctrl.ride import signal_unit
 from susp_ctrl.study.audit.audit import Computed, audit_section
-from susp_ctrl.study.results.study_run import PadeCase, Provenance, StabilityMapCase, StudyRun, VehicleSection
+from susp_ctrl.study.results.maps import StabilityMapCase
+from susp_ctrl.study.results.pade import PadeCase
+from susp_ctrl.study.results.study_run import Provenance, StudyRun, VehicleSection
 from susp_ctrl.study.sections.delay_stability import stability_section
 from susp_ctrl.study.sections.frequency import frequency_section
 from susp_ctrl.study.sections.headlines import headlines
 from susp_ctrl.study.sections.maps import stability_maps
-from susp_ctrl.study.sections.pade import pade_case
-from susp_ctrl.study.sections.pade_verdicts import pade_verdicts
+from susp_ctrl.study.sections.pade import pade_case, pade_verdicts
 from susp_ctrl.study.sections.time import time_case
 from susp_ctrl.study.sections.tuning import tuning_run
 from susp_ctrl.study.sections.workbench import Report, Workbench
+from susp_ctrl.study.settings.simulation import PadeSettings
+from susp_ctrl.study.settings.study import StudySettings
 from susp_ctrl.study.settings.study_file import Study
-from susp_ctrl.study.settings.units import PAPER_SYMBOLS, parameter_unit, readable
+from susp_ctrl.study.settings.vehicle import PAPER_SYMBOLS, parameter_unit, readable
 from susp_ctrl.vehicle import HalfCar
 
 Progress = Callable[[str, float], None]
 
-SECTIONS = ("tuning", "frequency", "stability", "stability_maps", "time", "pade", "audit")
 # Rough share of the time of each stage, for the progress display only.
 _WEIGHTS = {
     "tuning": 2.0,
@@ -40,6 +44,7 @@ _WEIGHTS = {
     "pade": 4.0,
     "audit": 0.5,
 }
+SECTIONS = tuple(_WEIGHTS)
 
 
 def compute_study(
@@ -72,41 +77,41 @@ def compute_study(
     """
     started = time.perf_counter()
     wanted = SECTIONS if sections is None else [validation.one_of("sections", s, SECTIONS) for s in sections]
-    settings, bench = study.settings, Workbench.of(study)
-    stages = _Stages(study, wanted, progress)
+    bench, whole = Workbench.of(study), study.settings
+    left_out: dict[str, Any] = {
+        f.name: f.default for f in fields(whole) if f.name in SECTIONS and f.name not in wanted
+    }
+    settings = replace(whole, **left_out)
+    stages = _Stages(settings, progress)
 
     tuning = tuple(
         tuning_run(bench, search, stages.next(f"tuning: {search.label}", "tuning"))
         for search in settings.tuning
-        if "tuning" in wanted
     )
-    frequency = stability = audit = None
-    if settings.frequency is not None and "frequency" in wanted:
-        frequency = frequency_section(
-            bench, settings.frequency, stages.next("frequency responses", "frequency")
-        )
-    if settings.stability is not None and "stability" in wanted:
+    frequency = stability = verdicts = audit = None
+    if settings.frequency is not None:
+        report = stages.next("frequency responses", "frequency")
+        frequency = frequency_section(bench, settings.frequency, report)
+    if settings.stability is not None:
         stability = stability_section(bench, settings.stability, stages.next("stability", "stability"))
     maps: list[StabilityMapCase] = []
-    for entry in settings.stability_maps if "stability_maps" in wanted else ():
+    for entry in settings.stability_maps:
         report = stages.next(f"stability map: {entry.key.replace('_', ' ')}", "stability_maps")
         maps += stability_maps(bench, entry, report)
     time_cases = tuple(
-        time_case(bench, case, settings.audit, stages.next(f"simulation: {case.label}", "time"))
+        time_case(bench, case, whole.audit, stages.next(f"simulation: {case.label}", "time"))
         for case in settings.time
-        if "time" in wanted
     )
     pade: list[PadeCase] = []
-    if settings.pade is not None and "pade" in wanted:
-        cases = {case.key: case for case in settings.time}
+    if settings.pade is not None:
+        cases = {case.key: case for case in whole.time}
         for key, case in settings.pade.cases.items():
             if key in bench.keys:
                 report = stages.next(f"Padé: {bench.design(key).label}", "pade")
                 pade.append(pade_case(bench, key, settings.pade, cases[case], report))
-    verdicts = None
-    if settings.pade is not None and settings.pade.verdicts and "pade" in wanted:
-        verdicts = pade_verdicts(bench, settings.pade)
-    if settings.audit is not None and "audit" in wanted:
+        if settings.pade.verdicts:
+            verdicts = pade_verdicts(bench, settings.pade)
+    if settings.audit is not None:
         computed = Computed(frequency, tuning, stability, time_cases)
         audit = audit_section(bench, settings.audit, computed, stages.next("audit", "audit"))
     stages.done()
@@ -133,9 +138,9 @@ def compute_study(
 class _Stages:
     """Turns the progress of each stage into that of the whole run."""
 
-    def __init__(self, study: Study, wanted: Collection[str], progress: Progress | None) -> None:
+    def __init__(self, settings: StudySettings, progress: Progress | None) -> None:
         self._progress = progress or (lambda stage, fraction: None)
-        self._total = sum(_weights(study, wanted)) or 1.0
+        self._total = sum(weight * _number(settings, name) for name, weight in _WEIGHTS.items()) or 1.0
         self._before, self._weight = 0.0, 0.0
 
     def next(self, name: str, section: str) -> Report:
@@ -151,18 +156,12 @@ class _Stages:
         self._progress("computed", 1.0)
 
 
-def _weights(study: Study, wanted: Collection[str]) -> Iterator[float]:
-    settings = study.settings
-    number = {
-        "tuning": len(settings.tuning),
-        "frequency": int(settings.frequency is not None),
-        "stability": int(settings.stability is not None),
-        "stability_maps": len(settings.stability_maps),
-        "time": len(settings.time),
-        "pade": len(settings.pade.cases) if settings.pade is not None else 0,
-        "audit": int(settings.audit is not None),
-    }
-    return (_WEIGHTS[section] * number[section] for section in wanted)
+def _number(settings: StudySettings, section: str) -> int:
+    """Return how many stages a section has."""
+    given = getattr(settings, section)
+    if isinstance(given, PadeSettings):
+        return len(given.cases)
+    return len(given) if isinstance(given, tuple) else int(given is not None)
 
 
 def _provenance(study: Study, duration: float) -> Provenance:

@@ -7,6 +7,7 @@ tolerance of the study), *explained* if a misprint named in the study file gives
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -14,14 +15,8 @@ import pandas as pd
 from susp_ctrl.study.audit.roots import audit_roots
 from susp_ctrl.study.audit.rows import AuditRow, audit_summary, audit_table, compared
 from susp_ctrl.study.audit.tables import audit_printed_table
-from susp_ctrl.study.results.study_run import (
-    AuditSection,
-    DelayLine,
-    FrequencySection,
-    StabilitySection,
-    TimeCase,
-    TuningRun,
-)
+from susp_ctrl.study.results.delay_stability import DelayLine, StabilitySection
+from susp_ctrl.study.results.study_run import AuditSection, FrequencySection, TimeCase, TuningRun
 from susp_ctrl.study.sections.workbench import Report, Workbench
 from susp_ctrl.study.settings.audit import (
     AuditSettings,
@@ -84,12 +79,14 @@ def audit_section(
     table = audit_table(rows)
     return AuditSection(
         table=table,
-        roots=pd.concat([found.roots for found in roots], ignore_index=True) if roots else None,
-        substitutions=pd.concat([found.substitutions for found in roots], ignore_index=True)
-        if roots
-        else None,
+        roots=_joined([found.roots for found in roots]),
+        substitutions=_joined([found.substitutions for found in roots]),
         summary=audit_summary(table),
     )
+
+
+def _joined(tables: list[pd.DataFrame]) -> pd.DataFrame | None:
+    return pd.concat(tables, ignore_index=True) if tables else None
 
 
 # --- stability intervals ------------------------------------------------------------------------------------------
@@ -107,22 +104,13 @@ def _interval_rows(
     losses = [line.delay_margin for line in lines if np.isfinite(line.delay_margin)]
     computed = min(losses, key=lambda loss: abs(loss - upper.value)) if losses else _without_loss(lines)
     evidence = " ".join(filter(None, (_line_evidence(lines), _box_evidence(stability), _earlier(printed))))
-    rows = [
-        compared(
-            printed.item,
-            "upper end of the stable interval",
-            printed.upper,
-            computed,
-            "s",
-            tolerance,
-            evidence,
-        )
-    ]
+    compare = partial(compared, printed.item, tolerance=tolerance, evidence=evidence)
+    rows = [compare("upper end of the stable interval", printed.upper, computed, "s")]
     found = np.concatenate([line.crossings["omega"].to_numpy(dtype=float) for line in lines])
     for text in printed.crossings:
         value = printed_number(text).value
         nearest = float(found[np.argmin(np.abs(found - value))]) if found.size else np.nan
-        rows.append(compared(printed.item, "crossing frequency", text, nearest, "rad/s", tolerance, evidence))
+        rows.append(compare("crossing frequency", text, nearest, "rad/s"))
     return rows
 
 
@@ -153,17 +141,17 @@ def _box_evidence(stability: StabilitySection) -> str:
 
 def _earlier(printed: PrintedInterval) -> str:
     """Say which earlier crossings the printed ones would imply: delays at one frequency repeat every 2 pi/omega."""
-    upper, sentences = printed_number(printed.upper).value, []
-    for text in printed.crossings[:1]:
-        period = 2 * np.pi / printed_number(text).value
-        earlier = [upper - k * period for k in range(1, int(upper / period) + 1)]
-        if earlier:
-            times = " and ".join(f"{tau:.4f}" for tau in earlier)
-            sentences.append(
-                f"A crossing at {text} rad/s and {printed.upper} s would imply earlier ones at {times} s, "
-                "so the printed numbers contradict each other too."
-            )
-    return " ".join(sentences)
+    if not printed.crossings:
+        return ""
+    first, upper = printed.crossings[0], printed_number(printed.upper).value
+    period = 2 * np.pi / printed_number(first).value
+    times = " and ".join(f"{upper - k * period:.4f}" for k in range(1, int(upper / period) + 1))
+    if not times:
+        return ""
+    return (
+        f"A crossing at {first} rad/s and {printed.upper} s would imply earlier ones at {times} s, "
+        "so the printed numbers contradict each other too."
+    )
 
 
 # --- peaks and optima ---------------------------------------------------------------------------------------------
@@ -185,17 +173,8 @@ def _peak_rows(printed: PrintedPeak, frequency: FrequencySection | None, toleran
     evidence = f"|H| of {printed.output} peaks at: {every}. {printed.frequency} fits neither unit."
     if abs(nearest["omega_rad_per_s"] - value) <= tolerance * value:
         evidence = f"|H| of {printed.output} peaks at: {every}. The number fits rad/s, not Hz."
-    return [
-        compared(
-            printed.item,
-            f"peak of |H| of {printed.output}, {printed.design}",
-            printed.frequency,
-            float(nearest["frequency_Hz"]),
-            "Hz",
-            tolerance,
-            evidence,
-        )
-    ]
+    where, computed = f"peak of |H| of {printed.output}, {printed.design}", float(nearest["frequency_Hz"])
+    return [compared(printed.item, where, printed.frequency, computed, "Hz", tolerance, evidence)]
 
 
 def _optimum_rows(
@@ -211,16 +190,10 @@ def _optimum_rows(
         evidence += f"; the published design has J = {values[printed.published]:.4g}, the passive car "
         evidence += f"{values['passive']:.4g}"
     evidence += ". Eq. (6) does not say at which frequency, or over which band, it is taken."
+    compare = partial(compared, printed.item, tolerance=tolerance, evidence=evidence)
     rows = []
     for k, (theirs, ours) in enumerate(zip(published.channels, tuned.channels, strict=False), 1):
         unit = str(run.bounds["unit"].iloc[k - 1])
-        for name, given, found, kind in (
-            (f"g{k}", theirs.gain, ours.gain, unit),
-            (f"tau{k}", theirs.delay, ours.delay, "s"),
-        ):
-            rows.append(
-                compared(
-                    printed.item, f"optimal {name}", f"{given:g}", float(found), kind, tolerance, evidence
-                )
-            )
+        rows.append(compare(f"optimal g{k}", f"{theirs.gain:g}", float(ours.gain), unit))
+        rows.append(compare(f"optimal tau{k}", f"{theirs.delay:g}", float(ours.delay), "s"))
     return rows

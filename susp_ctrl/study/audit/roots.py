@@ -15,17 +15,15 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems import FeedbackChannel, close_loop
 from susp_ctrl.errors import InputError
 from susp_ctrl.study.audit.expressions import evaluate
 from susp_ctrl.study.audit.rows import EXPLAINED, NOT_REPRODUCED, REPRODUCED, AuditRow, agrees
 from susp_ctrl.study.sections.workbench import Workbench
 from susp_ctrl.study.settings.audit import PrintedRoots, printed_number
-from susp_ctrl.study.settings.units import PAPER_SYMBOLS
+from susp_ctrl.study.settings.vehicle import PAPER_SYMBOLS
 from susp_ctrl.vehicle import HalfCar
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _PAPER_STATE = (
     "unsprung_displacement_front",
@@ -70,8 +68,7 @@ def audit_roots(bench: Workbench, printed: PrintedRoots, tolerance: float) -> Ro
     rows = []
     for n, (root, numbers) in enumerate(zip(printed.roots, given, strict=True)):
         explained = abs(misprinted[n] - values[n]) <= _ALL_DIGITS * abs(values[n])
-        model = f"eq. (1) with this design and no delay has {_complex_text(paired[n])} 1/s nearest"
-        evidence = model
+        evidence = f"eq. (1) with this design and no delay has {_complex_text(paired[n])} 1/s nearest"
         if explained:
             evidence += (
                 f"; the state matrix with the {len(printed.substitutions)} named misprints has "
@@ -85,11 +82,8 @@ def audit_roots(bench: Workbench, printed: PrintedRoots, tolerance: float) -> Ro
                 verdict = NOT_REPRODUCED
             if verdict == NOT_REPRODUCED and explained:
                 verdict = EXPLAINED
-            rows.append(
-                AuditRow(
-                    printed.item, f"{root.name}, {name}", number, float(computed), "1/s", verdict, evidence
-                )
-            )
+            where = f"{root.name}, {name}"
+            rows.append(AuditRow(printed.item, where, number, float(computed), "1/s", verdict, evidence))
     table = pd.DataFrame(
         {
             "name": [root.name for root in printed.roots],

@@ -14,18 +14,6 @@ REPRODUCED: AuditVerdict = "reproduced"
 NOT_REPRODUCED: AuditVerdict = "not reproduced"
 EXPLAINED: AuditVerdict = "explained by a named misprint"
 
-COLUMNS = [
-    "item",
-    "where",
-    "published",
-    "printed",
-    "computed",
-    "unit",
-    "relative_difference",
-    "verdict",
-    "evidence",
-]
-
 
 @dataclass(frozen=True)
 class AuditRow:
@@ -39,21 +27,11 @@ class AuditRow:
     verdict: AuditVerdict
     evidence: str
 
-    def record(self) -> dict[str, object]:
-        """Return the row of the table."""
+    @property
+    def relative_difference(self) -> float:
+        """The computed value over the printed one, less 1; nan where that is not defined."""
         published = self.printed.value
-        relative = self.computed / published - 1 if published and math.isfinite(self.computed) else math.nan
-        return {
-            "item": self.item,
-            "where": self.where,
-            "published": published,
-            "printed": self.printed.text,
-            "computed": self.computed,
-            "unit": self.unit,
-            "relative_difference": relative,
-            "verdict": self.verdict,
-            "evidence": self.evidence,
-        }
+        return self.computed / published - 1 if published and math.isfinite(self.computed) else math.nan
 
 
 def agrees(printed: Printed, computed: float, tolerance: float) -> bool:
@@ -67,26 +45,29 @@ def agrees(printed: Printed, computed: float, tolerance: float) -> bool:
 
 
 def compared(
-    item: str,
-    where: str,
-    text: str,
-    computed: float,
-    unit: str,
-    tolerance: float,
-    evidence: str,
-    explanation: str | None = None,
+    item: str, where: str, text: str, computed: float, unit: str, tolerance: float, evidence: str
 ) -> AuditRow:
-    """Return the row of a number that is reproduced if it agrees, else explained if there is an explanation."""
+    """Return the row of a number that is reproduced if it agrees, and else is not."""
     printed = printed_number(text)
-    if agrees(printed, computed, tolerance):
-        return AuditRow(item, where, printed, computed, unit, REPRODUCED, evidence)
-    verdict = NOT_REPRODUCED if explanation is None else EXPLAINED
-    return AuditRow(item, where, printed, computed, unit, verdict, explanation or evidence)
+    verdict = REPRODUCED if agrees(printed, computed, tolerance) else NOT_REPRODUCED
+    return AuditRow(item, where, printed, computed, unit, verdict, evidence)
 
 
 def audit_table(rows: list[AuditRow]) -> pd.DataFrame:
     """Return the table of all rows."""
-    return pd.DataFrame([row.record() for row in rows], columns=COLUMNS)
+    return pd.DataFrame(
+        {
+            "item": [row.item for row in rows],
+            "where": [row.where for row in rows],
+            "published": [row.printed.value for row in rows],
+            "printed": [row.printed.text for row in rows],
+            "computed": [row.computed for row in rows],
+            "unit": [row.unit for row in rows],
+            "relative_difference": [row.relative_difference for row in rows],
+            "verdict": [row.verdict for row in rows],
+            "evidence": [row.evidence for row in rows],
+        }
+    )
 
 
 def audit_summary(table: pd.DataFrame) -> pd.DataFrame:
@@ -94,7 +75,7 @@ def audit_summary(table: pd.DataFrame) -> pd.DataFrame:
     names = {REPRODUCED: "reproduced", NOT_REPRODUCED: "not_reproduced", EXPLAINED: "explained"}
     records = []
     for item in [*dict.fromkeys(table["item"]), "all"]:
-        chosen = table if item == "all" else table[table["item"] == item]
-        counts = {name: int((chosen["verdict"] == verdict).sum()) for verdict, name in names.items()}
+        verdicts = table["verdict"] if item == "all" else table.loc[table["item"] == item, "verdict"]
+        counts = {name: int((verdicts == verdict).sum()) for verdict, name in names.items()}
         records.append({"item": item, **counts})
-    return pd.DataFrame(records, columns=["item", "reproduced", "not_reproduced", "explained"])
+    return pd.DataFrame(records)

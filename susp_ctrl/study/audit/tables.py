@@ -6,14 +6,7 @@ import numpy as np
 import pandas as pd
 
 from susp_ctrl.road import HarmonicRoad
-from susp_ctrl.study.audit.rows import (
-    EXPLAINED,
-    NOT_REPRODUCED,
-    REPRODUCED,
-    AuditRow,
-    agrees,
-    compared,
-)
+from susp_ctrl.study.audit.rows import EXPLAINED, NOT_REPRODUCED, REPRODUCED, AuditRow, agrees, compared
 from susp_ctrl.study.results.study_run import TimeCase
 from susp_ctrl.study.sections.time import EXACT, STATIONARY, build_road
 from susp_ctrl.study.sections.workbench import Workbench
@@ -93,16 +86,9 @@ def _percentages(
     arithmetic = AuditRow(item, where, number, implied, "%", verdict, evidence)
 
     before, after = values[row.indicator, PASSIVE, EXACT], values[row.indicator, printed.active, EXACT]
-    computed = compared(
-        item,
-        f"{row.indicator}, from eq. (1)",
-        text,
-        float(100 * (after / before - 1)),
-        "%",
-        tolerance,
-        f"Computed entries {before:.4g} and {after:.4g}.",
-    )
-    return [arithmetic, computed]
+    change, entries = float(100 * (after / before - 1)), f"Computed entries {before:.4g} and {after:.4g}."
+    where = f"{row.indicator}, from eq. (1)"
+    return [arithmetic, compared(item, where, text, change, "%", tolerance, entries)]
 
 
 def _phase_evidence(bench: Workbench, printed: PrintedTable) -> dict[str, str]:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from susp_ctrl.arrays import FloatArray
 
 StabilityWord = Literal["stable", "unstable", "undecided"]
+
+VERDICTS: Mapping[bool | None, StabilityWord] = {True: "stable", False: "unstable", None: "undecided"}
+"""The word of every verdict, by whether the loop is stable."""
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from susp_ctrl.arrays import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,18 @@
 """A finished run as one file that can be read again: arrays as in ``.npz``, everything else as JSON beside them.
 
 The file is a NumPy archive that is read without pickle, so that a file from elsewhere can do no harm: only the data
-classes of `study_run` are made from it. Its member ``run`` is UTF-8 JSON; ``a0, a1, ...`` are the arrays
-that it names. Numbers keep every bit.
+classes of this folder are made from it. Its member ``run`` is UTF-8 JSON; ``a0, a1, ...`` are the arrays that it
+names. Numbers keep every bit.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import sys
 import zipfile
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -23,7 +21,7 @@ import pandas as pd
 from susp_ctrl import __version__
 from susp_ctrl.delay_systems import FeedbackChannel
 from susp_ctrl.errors import InputError
-from susp_ctrl.study.results import study_run
+from susp_ctrl.study.results import delay_stability, maps, pade, study_run
 from susp_ctrl.study.results.study_run import StudyRun
 from susp_ctrl.study.settings.study_file import Study
 
@@ -31,14 +29,12 @@ RESULTS = "results.npz"
 """Name of the file in the folder of a report."""
 
 
-def _data_classes(module: ModuleType) -> dict[str, type]:
-    return {n: kind for n, kind in vars(module).items() if isinstance(kind, type) and is_dataclass(kind)}
-
-
-# All data classes of the modules that the parts of a run come from: a new part needs no entry here.
-_MODULES = {sys.modules[kind.__module__] for kind in _data_classes(study_run).values()}
+# All data classes of this folder: a new part of a run needs no entry here.
 _CLASSES: dict[str, Any] = {"FeedbackChannel": FeedbackChannel} | {
-    name: kind for module in _MODULES for name, kind in _data_classes(module).items()
+    name: kind
+    for module in (study_run, delay_stability, maps, pade)
+    for name, kind in vars(module).items()
+    if is_dataclass(kind) and kind.__module__ == module.__name__
 }
 _KIND = "is"  # the key that tells what a JSON object stands for
 

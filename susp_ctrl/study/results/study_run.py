@@ -10,27 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from susp_ctrl.study.results.delay_stability import (
-    DelayIndependence,
-    DelayLine,
-    StabilitySection,
-    StabilityWord,
-)
+from susp_ctrl.arrays import ComplexArray, FloatArray
+from susp_ctrl.delay_systems import FeedbackChannel
+from susp_ctrl.study.results.delay_stability import StabilitySection
 from susp_ctrl.study.results.maps import StabilityMapCase
 from susp_ctrl.study.results.pade import PadeCase
-
-if TYPE_CHECKING:
-    from susp_ctrl.delay_systems import FeedbackChannel
-    from susp_ctrl.study.settings.study_file import Study
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from susp_ctrl.study.settings.study_file import Study
 
 Role = Literal["passive", "published", "tuned"]
 AuditVerdict = Literal["reproduced", "not reproduced", "explained by a named misprint"]
@@ -332,10 +321,7 @@ class StudyRun:
 
     def design(self, key: str) -> Design:
         """Return the design with this key; KeyError if there is none."""
-        for design in self.designs:
-            if design.key == key:
-                return design
-        raise KeyError(key)
+        return {design.key: design for design in self.designs}[key]
 
     @property
     def undecided(self) -> bool:
@@ -343,23 +329,3 @@ class StudyRun:
         if self.stability is None:
             return False
         return bool((self.stability.verdicts["verdict"] == "undecided").any())
-
-
-__all__ = [
-    "AuditSection",
-    "AuditVerdict",
-    "DelayIndependence",
-    "DelayLine",
-    "Design",
-    "FrequencySection",
-    "PadeCase",
-    "Provenance",
-    "Role",
-    "StabilityMapCase",
-    "StabilitySection",
-    "StabilityWord",
-    "StudyRun",
-    "TimeCase",
-    "TuningRun",
-    "VehicleSection",
-]

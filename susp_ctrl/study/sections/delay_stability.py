@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import (
     DelayLTI,
     FeedbackChannel,
@@ -18,20 +19,17 @@ from susp_ctrl.delay_systems import (
     sweep_delays,
 )
 from susp_ctrl.errors import UndecidedStabilityWarning
-from susp_ctrl.ride import signal_unit
-from susp_ctrl.study.results.study_run import (
+from susp_ctrl.study.results.delay_stability import (
+    VERDICTS,
     DelayIndependence,
     DelayLine,
-    Design,
     StabilitySection,
-    StabilityWord,
 )
-from susp_ctrl.study.sections.workbench import FloatArray, Report, Workbench
+from susp_ctrl.study.results.study_run import Design
+from susp_ctrl.study.sections.workbench import Report, Workbench
 from susp_ctrl.study.settings.study import StabilitySettings
-from susp_ctrl.study.settings.units import GAIN_UNITS, readable
-from susp_ctrl.study.settings.vehicle import BoxSettings
+from susp_ctrl.study.settings.vehicle import BoxSettings, gain_unit
 
-_WORDS: dict[bool | None, StabilityWord] = {True: "stable", False: "unstable", None: "undecided"}
 _CURVE_POINTS = 1200
 
 
@@ -64,20 +62,16 @@ def stability_section(bench: Workbench, settings: StabilitySettings, report: Rep
 
 
 def _verdict(design: Design, loop: DelayLTI) -> dict[str, object]:
-    with warnings.catch_warnings():
-        # The verdict itself says so, in the table and in the exit status.
-        warnings.simplefilter("ignore", UndecidedStabilityWarning)
+    # The verdict itself says so, in the table and in the exit status.
+    with warnings.catch_warnings(action="ignore", category=UndecidedStabilityWarning):
         verdict = stability(loop)
-    rightmost = verdict.roots[0] if len(verdict.roots) else complex(np.nan, np.nan)
-    proven = (
-        verdict.stable is True if not design.channels else delay_independent_stability(loop).stable is True
-    )
+    proven = delay_independent_stability(loop).stable if design.channels else verdict.stable
     return {
         "design": design.key,
         "role": design.role,
-        "verdict": _WORDS[verdict.stable],
-        "abscissa": float(verdict.abscissa),
-        "abscissa_omega": abs(float(np.imag(rightmost))),
+        "verdict": VERDICTS[verdict.stable],
+        "abscissa": verdict.abscissa,
+        "abscissa_omega": abs(float(verdict.roots[0].imag)) if verdict.roots.size else np.nan,
         "unstable_roots": verdict.unstable_roots,
         "delay_independent": "proven" if proven else "not proven",
         "agreement": ", ".join(
@@ -88,21 +82,17 @@ def _verdict(design: Design, loop: DelayLTI) -> dict[str, object]:
 
 
 def _roots(design: Design, loop: DelayLTI, count: int) -> list[dict[str, object]]:
-    rows: list[dict[str, object]] = []
-    for root in characteristic_roots(loop, count=count):
-        if root.imag < 0:
-            continue
-        size = abs(root)
-        rows.append(
-            {
-                "design": design.key,
-                "real": float(root.real),
-                "imaginary": float(root.imag),
-                "damping_ratio": float(-root.real / size) if size else np.nan,
-                "frequency_Hz": float(size / (2 * np.pi)),
-            }
-        )
-    return rows
+    return [
+        {
+            "design": design.key,
+            "real": float(root.real),
+            "imaginary": float(root.imag),
+            "damping_ratio": float(-root.real / abs(root)) if root else np.nan,
+            "frequency_Hz": float(abs(root) / (2 * np.pi)),
+        }
+        for root in characteristic_roots(loop, count=count)
+        if root.imag >= 0
+    ]
 
 
 def delay_line(design: Design, loop: DelayLTI, name: str, settings: StabilitySettings) -> DelayLine | None:
@@ -126,10 +116,9 @@ def delay_line(design: Design, loop: DelayLTI, name: str, settings: StabilitySet
         start[k], at, parameter = 0.0, float(own[k]), "delay (s)"
         fixed = ", ".join(f"tau{j + 1} = {tau:.6g} s" for j, tau in enumerate(own) if j != k)
         label = f"{name} alone" + (f", {fixed}" if fixed else "")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UndecidedStabilityWarning)
+    with warnings.catch_warnings(action="ignore", category=UndecidedStabilityWarning):
         swept = sweep_delays(loop, direction=direction, start=start, up_to=up_to)
-    omega, values, names = _figure(swept.figure_data)
+    curves = swept.figure_data.set_index("omega")
     return DelayLine(
         design=design.key,
         line=name,
@@ -139,51 +128,38 @@ def delay_line(design: Design, loop: DelayLTI, name: str, settings: StabilitySet
         up_to=up_to,
         tau_of_design=at,
         parameter=parameter,
-        figure_omega=omega,
-        figure_values=values,
-        figure_names=names,
+        figure_omega=curves.index.to_numpy(),
+        figure_values=curves.to_numpy().T,
+        figure_names=tuple(curves.columns),
         crossings=swept.crossings,
         intervals=swept.intervals,
-        stable_intervals=tuple((float(a), float(b)) for a, b in swept.stable_intervals),
+        stable_intervals=tuple(swept.stable_intervals),
         delay_margin=float(swept.delay_margin),
-        proven=bool(np.isposinf(swept.delay_margin)),
+        proven=swept.delay_margin == np.inf,
     )
-
-
-def _figure(data: pd.DataFrame) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
-    """Split the data of the figure of |z| into frequencies, curves and their names."""
-    names = tuple(str(column) for column in data.columns if column != "omega")
-    curves = data[list(names)].to_numpy(dtype=float).T if names else np.zeros((0, len(data)))
-    return data["omega"].to_numpy(dtype=float), curves, names
 
 
 def _independence(bench: Workbench, box: Sequence[BoxSettings]) -> DelayIndependence:
     """Ask for delay-independent stability at the corner of the box, for all channels and for each alone."""
     corner = [FeedbackChannel(b.measured, b.actuator, abs(b.gain), 1.0) for b in box]
     whole = delay_independent_stability(close_loop(bench.plant, corner))
-    units = [readable(GAIN_UNITS[signal_unit(b.measured)]) for b in box]
-    names = [{"measured": b.measured, "actuator": b.actuator} for b in box]
-    single = []
-    for channel, name, unit in zip(corner, names, units, strict=True):
-        alone = delay_independent_stability(close_loop(bench.plant, [channel]))
-        threshold = {
-            "gain_threshold": alone.margin * channel.gain,
-            "omega_rad_per_s": alone.omega,
-            "unit": unit,
-        }
-        single.append(name | threshold)
-    centre = max(float(whole.small_gain_omega), 1e-3)
+    alone = [delay_independent_stability(close_loop(bench.plant, [channel])) for channel in corner]
+    paths = pd.DataFrame([(b.measured, b.actuator) for b in box], columns=["measured", "actuator"])
+    units = [gain_unit(b.measured) for b in box]
+    centre = max(whole.small_gain_omega, 1e-3)
     omega = np.geomspace(centre / 30, centre * 30, _CURVE_POINTS)
     return DelayIndependence(
-        gains=pd.DataFrame(
-            [n | {"gain": b.gain, "unit": u} for n, b, u in zip(names, box, units, strict=True)]
-        ),
-        verdict=_WORDS[whole.stable],
+        gains=paths.assign(gain=[b.gain for b in box], unit=units),
+        verdict=VERDICTS[whole.stable],
         supremum=float(whole.small_gain),
         margin=float(1.0 / whole.small_gain) if whole.small_gain else np.inf,
         exact_margin=float(whole.margin),
         omega=float(whole.small_gain_omega),
-        single_channel=pd.DataFrame(single),
+        single_channel=paths.assign(
+            gain_threshold=[one.margin * c.gain for one, c in zip(alone, corner, strict=True)],
+            omega_rad_per_s=[one.omega for one in alone],
+            unit=units,
+        ),
         curve_omega=omega,
         curve_radius=_radius(bench, corner, omega),
     )

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.ride import signal_unit
 from susp_ctrl.study.results.study_run import FrequencySection
-from susp_ctrl.study.sections.workbench import FloatArray, Report, Workbench
+from susp_ctrl.study.sections.workbench import Report, Workbench
 from susp_ctrl.study.settings.study import FrequencySettings
+
+_PEAK_COLUMNS = ["design", "output", "road", "omega_rad_per_s", "frequency_Hz", "gain", "unit"]
 
 
 def frequency_section(bench: Workbench, settings: FrequencySettings, report: Report) -> FrequencySection:
@@ -29,16 +35,22 @@ def frequency_section(bench: Workbench, settings: FrequencySettings, report: Rep
     FrequencySection
     """
     omega = np.geomspace(settings.omega_from, settings.omega_to, settings.points)
-    in_phase = dict.fromkeys(bench.lags, 0.0) if len(bench.lags) > 1 else None
+    roads = {"lagged": bench.lags}
+    if len(bench.lags) > 1:
+        roads["in phase"] = dict.fromkeys(bench.lags, 0.0)
     chosen = bench.chosen(settings.curve_designs)
-    bode, lagged, together, peaks = {}, {}, {}, []
+    bode, peaks = {}, []
+    gains: dict[str, dict[str, FloatArray]] = {road: {} for road in roads}
     for n, design in enumerate(chosen):
         bode[design.key] = bench.road_response(design.key, omega, settings.outputs)
-        lagged[design.key] = velocity_gain(bench, design.key, omega, settings.curve_outputs)
-        peaks += _peaks(bench, design.key, omega, lagged[design.key], settings.curve_outputs, None)
-        if in_phase is not None:
-            together[design.key] = velocity_gain(bench, design.key, omega, settings.curve_outputs, in_phase)
-            peaks += _peaks(bench, design.key, omega, together[design.key], settings.curve_outputs, in_phase)
+        for road, lags in roads.items():
+            gain = velocity_gain(bench, design.key, omega, settings.curve_outputs, lags)
+            gains[road][design.key] = gain
+            for output, curve in zip(settings.curve_outputs, gain, strict=True):
+                at = partial(velocity_gain, bench, design.key, outputs=(output,), lags=lags)
+                where, height = _peak(omega, curve, at)
+                unit = velocity_gain_unit(output)
+                peaks.append((design.key, output, road, where, where / (2 * np.pi), height, unit))
         report((n + 1) / len(chosen))
     keys = [design.key for design in chosen]
     wanted = [k for k in settings.curve_designs if k in keys] or keys
@@ -48,10 +60,10 @@ def frequency_section(bench: Workbench, settings: FrequencySettings, report: Rep
         outputs=settings.outputs,
         bode=bode,
         curve_outputs=settings.curve_outputs,
-        velocity_gain=lagged,
-        velocity_gain_in_phase=together if in_phase is not None else None,
+        velocity_gain=gains["lagged"],
+        velocity_gain_in_phase=gains.get("in phase"),
         curve_designs=tuple(wanted),
-        peaks=pd.DataFrame(peaks),
+        peaks=pd.DataFrame(peaks, columns=_PEAK_COLUMNS),
     )
 
 
@@ -71,37 +83,19 @@ def velocity_gain_unit(output: str) -> str:
     return {"m/s2": "1/s", "rad/s2": "rad/(m s)"}.get(signal_unit(output), f"{signal_unit(output)} s/m")
 
 
-def _peaks(
-    bench: Workbench,
-    key: str,
-    omega: FloatArray,
-    gain: FloatArray,
-    outputs: tuple[str, ...],
-    lags: dict[str, float] | None,
-) -> list[dict[str, object]]:
-    """Return the highest point of every curve, refined between the neighbours of the highest sample."""
-    rows: list[dict[str, object]] = []
-    for row, output in zip(gain, outputs, strict=True):
-        k = int(np.argmax(row))
-        where, height = float(omega[k]), float(row[k])
-        if 0 < k < omega.size - 1:
-            best = minimize_scalar(
-                lambda w, name=output: -velocity_gain(bench, key, np.array([w]), (name,), lags)[0, 0],
-                bounds=(omega[k - 1], omega[k + 1]),
-                method="bounded",
-                options={"xatol": 1e-10 * where},
-            )
-            if -best.fun > height:
-                where, height = float(best.x), float(-best.fun)
-        rows.append(
-            {
-                "design": key,
-                "output": output,
-                "road": "lagged" if lags is None else "in phase",
-                "omega_rad_per_s": where,
-                "frequency_Hz": where / (2 * np.pi),
-                "gain": height,
-                "unit": velocity_gain_unit(output),
-            }
+def _peak(
+    omega: FloatArray, curve: FloatArray, at: Callable[[FloatArray], FloatArray]
+) -> tuple[float, float]:
+    """Return the highest point of a curve, refined between the neighbours of the highest sample."""
+    k = int(np.argmax(curve))
+    where, height = float(omega[k]), float(curve[k])
+    if 0 < k < omega.size - 1:
+        best = minimize_scalar(
+            lambda w: -at(np.array([w]))[0, 0],
+            bounds=(omega[k - 1], omega[k + 1]),
+            method="bounded",
+            options={"xatol": 1e-10 * where},
         )
-    return rows
+        if -best.fun > height:
+            return float(best.x), float(-best.fun)
+    return where, height

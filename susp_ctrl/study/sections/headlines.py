@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pandas as pd
 
-from susp_ctrl.study.results.study_run import AuditSection, PadeCase, StabilitySection, TimeCase, TuningRun
+from susp_ctrl.study.results.delay_stability import VERDICTS, StabilitySection
+from susp_ctrl.study.results.pade import PadeCase
+from susp_ctrl.study.results.study_run import AuditSection, TimeCase, TuningRun
 from susp_ctrl.study.sections.workbench import Workbench
 from susp_ctrl.study.settings.vehicle import PASSIVE
 
@@ -30,7 +32,7 @@ def _stability_line(stability: StabilitySection | None) -> str:
     if stability is None:
         return ""
     verdicts = stability.verdicts
-    counts = {word: int((verdicts["verdict"] == word).sum()) for word in ("stable", "unstable", "undecided")}
+    counts = {word: int((verdicts["verdict"] == word).sum()) for word in VERDICTS.values()}
     told = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
     line = f"Stability of {len(verdicts)} designs: {told}"
     box = stability.independence

@@ -8,21 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from susp_ctrl.delay_systems import (
-    DelayLTI,
-    characteristic_roots,
-    close_loop,
-    count_unstable_roots,
-    simulate,
-)
+from susp_ctrl.arrays import FloatArray
+from susp_ctrl.delay_systems import DelayLTI, characteristic_roots, close_loop, count_unstable_roots, simulate
 from susp_ctrl.errors import UndecidedStabilityWarning
 from susp_ctrl.ride import signal_unit
-from susp_ctrl.study.results.maps import FloatArray, MapExplorer, StabilityMapCase
+from susp_ctrl.study.results.maps import MapExplorer, StabilityMapCase
 from susp_ctrl.study.results.study_run import StudyRun
 from susp_ctrl.study.sections.maps import scaled_channels
-from susp_ctrl.study.sections.time import build_road
+from susp_ctrl.study.sections.time import build_road, record_times
 from susp_ctrl.study.sections.workbench import Report, road_text
-from susp_ctrl.study.settings.maps import ExplorerSettings, MapSettings
+from susp_ctrl.study.settings.maps import MapSettings
 
 # Of the responses: far below what a picture shows.
 _RTOL = 1e-5
@@ -47,34 +42,29 @@ def map_explorers(run: StudyRun, report: Report | None = None) -> Mapping[str, M
     told = report or (lambda share: None)
     found: dict[str, MapExplorer] = {}
     for case in asked:
-        entry, before = settings[case.key], len(found)
 
-        def of_all(share: float, before: int = before) -> None:
+        def of_all(share: float, before: int = len(found)) -> None:
             told((before + share) / len(asked))
 
-        assert entry.explorer is not None
-        found[case.name] = _explorer(run, case, entry, entry.explorer, of_all)
+        found[case.name] = _explorer(run, case, settings[case.key], of_all)
     return found
 
 
-def _explorer(
-    run: StudyRun, case: StabilityMapCase, entry: MapSettings, settings: ExplorerSettings, report: Report
-) -> MapExplorer:
-    plant, lags = run.study.plant, run.study.lags
+def _explorer(run: StudyRun, case: StabilityMapCase, entry: MapSettings, report: Report) -> MapExplorer:
+    plant, lags, settings = run.study.plant, run.study.lags, entry.explorer
+    assert settings is not None
     loop = close_loop(plant, scaled_channels(run.design(case.design).channels, case.gain_factor))
     speed = run.study.settings.vehicle.speed
     inputs = build_road(settings.road, speed).inputs(lags)
     output = settings.output or plant.output_labels[0]
     row = loop.output_labels.index(output)
-    count = int(settings.duration / settings.step * (1 + 1e-12)) + 1
-    times = np.asarray(settings.step * np.arange(count), dtype=np.float64)
+    times = record_times(settings.duration, settings.step)
     x = np.linspace(case.x.low, case.x.high, settings.points)
     y = np.linspace(case.y.low, case.y.high, settings.points)
     roots = np.empty((y.size, x.size), dtype=complex)
     counts = np.empty((y.size, x.size), dtype=int)
     responses = np.empty((y.size, x.size, times.size))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UndecidedStabilityWarning)  # -1 says it
+    with warnings.catch_warnings(action="ignore", category=UndecidedStabilityWarning):  # -1 says it
         for i, upward in enumerate(y.tolist()):
             for j, across in enumerate(x.tolist()):
                 here = _at(loop, entry, across, upward)
@@ -109,8 +99,6 @@ def _at(loop: DelayLTI, entry: MapSettings, x: float, y: float) -> DelayLTI:
 
 def _response(loop: DelayLTI, times: FloatArray, inputs: Any, row: int) -> FloatArray:
     try:
-        values = np.asarray(simulate(loop, times, inputs, rtol=_RTOL).outputs, dtype=float)
+        return np.asarray(simulate(loop, times, inputs, rtol=_RTOL).y[row])
     except OverflowError:
         return np.full(times.size, np.nan)
-    chosen: FloatArray = values.reshape(-1, times.size)[row]
-    return chosen

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import (
     FeedbackChannel,
     StabilityMap,
@@ -16,12 +17,11 @@ from susp_ctrl.delay_systems import (
     stability_map,
 )
 from susp_ctrl.errors import UndecidedStabilityWarning
-from susp_ctrl.ride import signal_unit
-from susp_ctrl.study.results.maps import FloatArray, MapAxis, StabilityMapCase
+from susp_ctrl.study.results.maps import MapAxis, StabilityMapCase
 from susp_ctrl.study.results.study_run import Design
 from susp_ctrl.study.sections.workbench import Report, Workbench
 from susp_ctrl.study.settings.maps import MapSettings
-from susp_ctrl.study.settings.units import GAIN_UNITS, readable
+from susp_ctrl.study.settings.vehicle import gain_unit
 
 _RASTER = 300  # points of the picture along each axis
 _LIMIT_DELAYS = 161
@@ -62,9 +62,8 @@ def _case(bench: Workbench, design: Design, settings: MapSettings) -> StabilityM
     loop = close_loop(bench.plant, scaled_channels(design.channels, settings.gain_factor))
     first, second = settings.free
     numbers = _numbers(settings, len(design.channels))
-    with warnings.catch_warnings():
-        # The case itself says whether it is confirmed.
-        warnings.simplefilter("ignore", UndecidedStabilityWarning)
+    # The case itself says whether it is confirmed.
+    with warnings.catch_warnings(action="ignore", category=UndecidedStabilityWarning):
         found = stability_map(
             loop, **{name: settings.range(name) for name in settings.free}, channels=numbers
         )
@@ -114,8 +113,7 @@ def _axis(design: Design, settings: MapSettings, name: str) -> MapAxis:
     low, high = settings.range(name)
     if name.startswith("tau"):
         return MapAxis(name, f"delay of {channel.actuator}", "s", low, high)
-    unit = readable(GAIN_UNITS[signal_unit(str(channel.measured))])
-    return MapAxis(name, f"gain of {channel.actuator}", unit, low, high)
+    return MapAxis(name, f"gain of {channel.actuator}", gain_unit(str(channel.measured)), low, high)
 
 
 def _counts(regions: pd.DataFrame) -> pd.DataFrame:

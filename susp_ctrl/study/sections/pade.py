@@ -1,22 +1,35 @@
-"""Padé approximations of several orders against the exact delays, on the roads of the study."""
+"""Padé approximations of several orders against the exact delays: errors, verdicts on stability, and cost in time."""
 
 from __future__ import annotations
 
+import time
 import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from susp_ctrl.delay_systems import DelayLTI, characteristic_roots, compare_pade
+from susp_ctrl.arrays import FloatArray
+from susp_ctrl.delay_systems import (
+    DelayLTI,
+    characteristic_roots,
+    compare_pade,
+    simulate,
+    spectral_abscissa,
+    stability,
+)
 from susp_ctrl.errors import PadeOrderWarning
+from susp_ctrl.study.results.delay_stability import VERDICTS
 from susp_ctrl.study.results.pade import PadeCase
-from susp_ctrl.study.sections.pade_cost import pade_cost
-from susp_ctrl.study.sections.time import band_order, build_road, record
-from susp_ctrl.study.sections.workbench import FloatArray, Report, Workbench
+from susp_ctrl.study.sections.time import band_order, build_road, record, record_times
+from susp_ctrl.study.sections.workbench import Report, Workbench
 from susp_ctrl.study.settings.simulation import PadeSettings, TimeSettings
 
 _SHOWN = "body_acceleration"  # the output of the time error, where the case has it
 _MOST_ROOTS = 256  # searched for the wheel hop
+_ROOTS = 8  # exact roots whose cost is measured; an approximation always gives all of its own
 
 
 def pade_case(
@@ -69,10 +82,10 @@ def pade_case(
         design=key,
         time_case=case.key,
         table=errors.assign(
-            stable=_words(table["stable"]),
+            stable=table["stable"].map(VERDICTS),
             spectral_frequency_error=table["spectral_frequency_error"],
             spectral_root_error=table["spectral_rightmost_root_error"],
-            spectral_stable=_words(table["spectral_stable"]),
+            spectral_stable=table["spectral_stable"].map(VERDICTS),
         ),
         band=band,
         recommended_order=tuple(band_order(loop, settings.omega_to) for _ in bench.design(key).channels),
@@ -80,12 +93,36 @@ def pade_case(
         wheel_hop_root=hop_root,
         indicators=indicators if settings.by_indicator else None,
         met=_met(all_errors, sizes, settings.tolerances) if settings.tolerances else None,
-        cost=None if not settings.cost_repeats else pade_cost(bench, key, settings, case, omega),
+        cost=_cost(bench, key, settings, case, omega) if settings.cost_repeats else None,
     )
 
 
-def _words(stable: pd.Series) -> list[str]:
-    return ["stable" if value else "unstable" for value in stable]
+def pade_verdicts(bench: Workbench, settings: PadeSettings) -> pd.DataFrame:
+    """Set what every order says about the stability of some designs beside the exact verdict.
+
+    Parameters
+    ----------
+    bench : Workbench
+    settings : PadeSettings
+        `verdicts` names the designs, `orders` the orders.
+
+    Returns
+    -------
+    DataFrame
+        As `StudyRun.pade_verdicts`.
+    """
+    rows = []
+    for key in settings.verdicts:
+        if key not in bench.keys:
+            continue  # a design of a search that was not run
+        loop = bench.loop(key)
+        exact, abscissa = stability(loop).stable, spectral_abscissa(loop)
+        for order in settings.orders:
+            rightmost = float(np.linalg.eigvals(loop.pade(order).A).real.max())
+            says = rightmost < 0.0
+            rows.append((key, order, VERDICTS[says], rightmost, VERDICTS[exact], abscissa, says is exact))
+    columns = ["design", "order", "pade_says", "pade_abscissa", "exact", "exact_abscissa", "right"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def _wheel_hop(
@@ -101,11 +138,8 @@ def _wheel_hop(
         float(np.abs(np.linalg.eigvals(loop.pade(order).A) - exact).min()) if exact is not None else np.nan
         for order in settings.orders
     ]
-    errors = {
-        "wheel_hop_frequency_error": list(frequency["frequency_error"]),
-        "wheel_hop_root_error": distances,
-    }
-    return errors, exact
+    found = list(frequency["frequency_error"])
+    return {"wheel_hop_frequency_error": found, "wheel_hop_root_error": distances}, exact
 
 
 def _rightmost_in(loop: DelayLTI, band: tuple[float, float]) -> complex | None:
@@ -134,9 +168,8 @@ def _errors_in_time(
     in_time: list[float] = []
     in_rms: list[FloatArray] = []
     for n, order in enumerate(settings.orders):
-        with warnings.catch_warnings():
-            # Orders that are too low are the subject of the table.
-            warnings.simplefilter("ignore", PadeOrderWarning)
+        # Orders that are too low are the subject of the table.
+        with warnings.catch_warnings(action="ignore", category=PadeOrderWarning):
             found = record(bench, key, case, road, order, every=every)
         error = np.abs(found.outputs[row] - exact.outputs[row]).max() / peak
         in_time.append(float(error) if np.isfinite(error) else np.inf)
@@ -160,3 +193,60 @@ def _met(errors: pd.DataFrame, sizes: dict[str, float], tolerances: tuple[float,
             order = float(errors["order"].iloc[first]) if first < relative.size else np.nan
             rows.append((name, tolerance, order))
     return pd.DataFrame(rows, columns=["error", "tolerance", "order"])
+
+
+# --- cost ---------------------------------------------------------------------------------------------------------
+
+
+def _cost(
+    bench: Workbench, key: str, settings: PadeSettings, case: TimeSettings, omega: FloatArray
+) -> pd.DataFrame:
+    """Measure simulation, roots and frequency response with exact delays and with every order.
+
+    Each time is the best of `settings.cost_repeats` runs and begins with the loop as the user has it: building the
+    approximation is a part of its cost.
+    """
+    loop = bench.loop(key)
+    times = case.lead_in + record_times(case.duration, case.step)
+    inputs = build_road(case.road, bench.speed).inputs(bench.lags)
+
+    def measured(order: int, states: int, *tasks: Callable[[], object]) -> tuple[float, ...]:
+        return order, states, *(_best(task, settings.cost_repeats) for task in tasks)
+
+    def of_order(order: int) -> tuple[float, ...]:
+        return measured(
+            order,
+            loop.pade(order).nstates,
+            lambda: _simulate_pade(loop, times, inputs, order),
+            lambda: np.linalg.eigvals(loop.pade(order).A),
+            lambda: loop.pade(order).frequency_response(omega),
+        )
+
+    exact = measured(
+        0,
+        loop.realization.n_states,
+        lambda: simulate(loop, times, inputs),
+        lambda: characteristic_roots(loop, _ROOTS),
+        lambda: loop.frequency_response(omega),
+    )
+    with warnings.catch_warnings(action="ignore", category=PadeOrderWarning):
+        rows = [exact, *map(of_order, settings.orders)]
+    table = pd.DataFrame(rows, columns=["order", "states", "simulation_s", "roots_s", "frequency_s"])
+    for name in ("simulation", "roots", "frequency"):
+        table[f"{name}_ratio"] = table[f"{name}_s"] / table[f"{name}_s"].iloc[0]
+    return table
+
+
+def _simulate_pade(loop: DelayLTI, times: FloatArray, inputs: Any, order: int) -> None:
+    # An order that makes the loop unstable costs what it costs until it overflows.
+    with suppress(OverflowError):
+        simulate(loop, times, inputs, method="pade", order=order)
+
+
+def _best(task: Callable[[], object], repeats: int) -> float:
+    durations = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        task()
+        durations.append(time.perf_counter() - started)
+    return min(durations)

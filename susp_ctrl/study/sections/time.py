@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.integrate import trapezoid
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import DelayLTI, pade_order, simulate
-from susp_ctrl.delay_systems.approximation.pade import HIGHEST_ORDER
+from susp_ctrl.delay_systems.approximation import HIGHEST_ORDER
 from susp_ctrl.errors import InputError, PadeOrderWarning, UnstableSystemError
 from susp_ctrl.ride import ride_indices, signal_unit, stationary_rms
 from susp_ctrl.road import BumpRoad, HarmonicRoad, RandomRoad
 from susp_ctrl.study.results.study_run import Design, TimeCase
-from susp_ctrl.study.sections.workbench import FloatArray, Report, Workbench, road_text
+from susp_ctrl.study.sections.workbench import Report, Workbench, road_text
 from susp_ctrl.study.settings.audit import AuditSettings, printed_number
 from susp_ctrl.study.settings.simulation import RoadSettings, TimeSettings
 from susp_ctrl.study.settings.vehicle import PASSIVE
@@ -48,8 +50,10 @@ def time_case(
     orders: dict[str, tuple[int, ...]] = {}
     records: dict[tuple[str, str], Record] = {}
     stationary: dict[str, pd.Series] = {}
+    indices: list[pd.DataFrame] = []
     for n, design in enumerate(designs):
-        records[design.key, EXACT] = record(bench, design.key, settings, road)
+        exact = records[design.key, EXACT] = record(bench, design.key, settings, road)
+        indices.append(exact.indices.assign(design=design.key))
         if design.channels:
             order = settings.pade_order or band_order(bench.loop(design.key), settings.pade_omega)
             orders[design.key] = (order,) * len(design.channels)
@@ -60,7 +64,7 @@ def time_case(
                 records[design.key, PADE] = record(bench, design.key, settings, road, order)
         stationary[design.key] = stationary_indices(bench, design.key, road)
         report((n + 1) / len(designs))
-    times = record_times(settings)[::every]
+    times = record_times(settings.duration, settings.step)[::every]
     return TimeCase(
         key=settings.key,
         label=settings.label,
@@ -71,12 +75,8 @@ def time_case(
         designs=tuple(design.key for design in designs),
         histories={which: found.outputs[:, ::every] for which, found in records.items()},
         pade_orders=orders,
-        rms=_rms_table(
-            designs, {which: found.rms for which, found in records.items()}, stationary, settings.outputs
-        ),
-        indices=pd.concat(
-            [_indices(design, records[design.key, EXACT]) for design in designs], ignore_index=True
-        ),
+        rms=_rms_table(designs, records, stationary, settings.outputs),
+        indices=pd.concat(indices, ignore_index=True)[["indicator", "unit", "design", "value"]],
         printed=_printed(settings.key, audit),
         pade_difference=_differences(designs, records, settings.outputs),
     )
@@ -92,10 +92,10 @@ def build_road(settings: RoadSettings, speed: float) -> Any:
     return RandomRoad(iso_class=settings.iso_class, speed=speed, seed=settings.seed or 0, **bins)
 
 
-def record_times(settings: TimeSettings) -> FloatArray:
-    """Return the instants of the record (s), from 0, `step` apart."""
-    count = int(np.floor(settings.duration / settings.step * (1 + 1e-12)))
-    return np.asarray(settings.step * np.arange(count + 1), dtype=np.float64)
+def record_times(duration: float, step: float) -> FloatArray:
+    """Return the instants of a record (s), from 0, `step` apart."""
+    count = int(np.floor(duration / step * (1 + 1e-12)))
+    return np.asarray(step * np.arange(count + 1), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -115,11 +115,11 @@ def record(
     The run begins at rest when the front wheel meets the road; the record begins `lead_in` later and takes every
     `every`-th instant. An unstable loop may leave the range of numbers: the record is nan then.
     """
-    times = record_times(settings)[::every]
+    times = record_times(settings.duration, settings.step)[::every]
     method: dict[str, Any] = {} if order is None else {"method": "pade", "order": order}
     try:
         response = simulate(bench.loop(key), settings.lead_in + times, road.inputs(bench.lags), **method)
-        values = _rows(response, settings.outputs)
+        values = np.asarray(response.y)[[response.output_labels.index(name) for name in settings.outputs]]
         if not np.all(np.isfinite(values)):
             raise OverflowError
         indices = ride_indices(response, settings.skip, vehicle=bench.study.vehicle)
@@ -147,11 +147,6 @@ def stationary_indices(bench: Workbench, key: str, road: Any) -> pd.Series:
     return pd.Series(dtype=float)
 
 
-def _rows(response: Any, outputs: tuple[str, ...]) -> FloatArray:
-    values = np.asarray(response.outputs, dtype=float).reshape(len(response.output_labels), -1)
-    return values[[list(response.output_labels).index(name) for name in outputs]]
-
-
 def _rms(times: FloatArray, values: FloatArray, settings: TimeSettings) -> pd.Series:
     """Return the RMS of every output over the record after `skip`, by the trapezoidal rule."""
     kept = times >= settings.skip * (1 - 1e-12)
@@ -161,37 +156,23 @@ def _rms(times: FloatArray, values: FloatArray, settings: TimeSettings) -> pd.Se
     )
 
 
-def _indices(design: Design, found: Record) -> pd.DataFrame:
-    return found.indices.assign(design=design.key)[["indicator", "unit", "design", "value"]]
-
-
 def _rms_table(
     designs: list[Design],
-    simulated: dict[tuple[str, str], pd.Series],
+    records: dict[tuple[str, str], Record],
     stationary: dict[str, pd.Series],
     outputs: tuple[str, ...],
 ) -> pd.DataFrame:
-    rms = simulated | {(key, STATIONARY): values for key, values in stationary.items()}
+    rms = {which: found.rms for which, found in records.items()}
+    rms |= {(key, STATIONARY): values for key, values in stationary.items()}
     rows = []
-    for output in outputs:
-        for design in designs:
-            for method in (EXACT, PADE, STATIONARY):
-                value = rms.get((design.key, method), pd.Series(dtype=float)).get(output)
-                if value is None:
-                    continue
-                reference = rms[PASSIVE, STATIONARY if method == STATIONARY else EXACT].get(output, np.nan)
-                change = np.nan if design.key == PASSIVE or not reference else 100 * (value / reference - 1)
-                rows.append(
-                    (
-                        output,
-                        signal_unit(output),
-                        design.key,
-                        design.role,
-                        method,
-                        float(value),
-                        float(change),
-                    )
-                )
+    for output, design, method in product(outputs, designs, (EXACT, PADE, STATIONARY)):
+        value = rms[design.key, method].get(output) if (design.key, method) in rms else None
+        if value is None:
+            continue
+        reference = rms[PASSIVE, STATIONARY if method == STATIONARY else EXACT].get(output, np.nan)
+        change = np.nan if design.key == PASSIVE or not reference else 100 * (value / reference - 1)
+        unit = signal_unit(output)
+        rows.append((output, unit, design.key, design.role, method, float(value), float(change)))
     columns = ["indicator", "unit", "design", "role", "method", "value", "change_percent"]
     return pd.DataFrame(rows, columns=columns)
 

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.ride import signal_unit
 from susp_ctrl.road import RandomRoad
 from susp_ctrl.study.results.study_run import Design, TuningRun
 from susp_ctrl.study.sections.cancellation import cancelling_feedback
 from susp_ctrl.study.sections.frequency import velocity_gain
-from susp_ctrl.study.sections.workbench import FloatArray, Report, Workbench
+from susp_ctrl.study.sections.workbench import Report, Workbench
 from susp_ctrl.study.settings.study import TuningSettings
-from susp_ctrl.study.settings.units import GAIN_UNITS, readable
-from susp_ctrl.study.settings.vehicle import PASSIVE
+from susp_ctrl.study.settings.vehicle import PASSIVE, gain_unit
 from susp_ctrl.tuning import BandMean, BandPeak, Harmonic, RoadRms, TuningProblem, tune
 
 
@@ -36,33 +36,21 @@ def tuning_run(bench: Workbench, settings: TuningSettings, report: Report) -> Tu
     """
     problem = _problem(bench, settings)
     total = max(settings.iterations, 1)
-    best = tune(
-        problem,
-        particles=settings.particles,
-        iterations=settings.iterations,
-        seed=settings.seed,
-        topology=settings.topology,
-        callback=lambda state: report(0.9 * state.nit / total),
-    )
+    chosen = {name: getattr(settings, name) for name in ("particles", "iterations", "topology", "seed")}
+    best = tune(problem, **chosen, callback=lambda state: report(0.9 * state.nit / total))
+    objective = _objective_text(bench, settings)
     if best.success:
-        objective = _objective_text(bench, settings)
-        bench.add(
-            Design(settings.key, settings.label, "tuned", tuple(best.channels), f"found here: {objective}")
-        )
+        reference = f"found here: {objective}"
+        bench.add(Design(settings.key, settings.label, "tuned", tuple(best.channels), reference))
     found = np.asarray(best.x, dtype=float) if best.success else np.full(problem.dimension, np.nan)
     report(1.0)
     return TuningRun(
         key=settings.key,
         label=settings.label,
         objective=settings.objective,
-        objective_text=_objective_text(bench, settings),
+        objective_text=objective,
         unit=_objective_unit(settings),
-        settings={
-            "particles": settings.particles,
-            "iterations": settings.iterations,
-            "topology": settings.topology,
-            "seed": settings.seed,
-        },
+        settings=chosen,
         bounds=_bounds(settings, found),
         history=best.history,
         value=float(best.fun),
@@ -122,13 +110,10 @@ def _objective_unit(settings: TuningSettings) -> str:
 
 
 def _bounds(settings: TuningSettings, found: FloatArray) -> pd.DataFrame:
-    rows, m = [], len(settings.pairs)
-    for k, pair in enumerate(settings.pairs):
-        unit = readable(GAIN_UNITS[signal_unit(pair.measured)])
-        rows.append((f"g{k + 1}", pair.gain_from, pair.gain_to, unit, found[k]))
-    for k, pair in enumerate(settings.pairs):
-        rows.append((f"tau{k + 1}", pair.delay_from, pair.delay_to, "s", found[m + k]))
-    return pd.DataFrame(rows, columns=["parameter", "lower", "upper", "unit", "found"])
+    pairs = list(enumerate(settings.pairs, 1))
+    rows = [(f"g{n}", pair.gain_from, pair.gain_to, gain_unit(pair.measured)) for n, pair in pairs]
+    rows += [(f"tau{n}", pair.delay_from, pair.delay_to, "s") for n, pair in pairs]
+    return pd.DataFrame(rows, columns=["parameter", "lower", "upper", "unit"]).assign(found=found)
 
 
 def _comparison(bench: Workbench, settings: TuningSettings, problem: TuningProblem) -> pd.DataFrame:
@@ -165,23 +150,23 @@ def _closed_form(bench: Workbench, settings: TuningSettings, found: FloatArray) 
     if solutions is None:
         return None
     rows, m = [], len(settings.pairs)
-    for k, (pair, options) in enumerate(zip(settings.pairs, solutions, strict=True)):
-        distances = [abs(g - found[k]) + abs(tau - found[m + k]) * abs(g) for g, tau in options]
+    for pair, options, gain, delay in zip(settings.pairs, solutions, found[:m], found[m:], strict=True):
+        distances = [abs(g - gain) + abs(tau - delay) * abs(g) for g, tau in options]
         nearest = int(np.argmin(distances)) if distances and np.all(np.isfinite(found)) else -1
-        for n, (gain, delay) in enumerate(options):
-            rows.append(
-                {
-                    "measured": pair.measured,
-                    "actuator": pair.actuator,
-                    "gain": gain,
-                    "delay_s": delay,
-                    "found_gain": found[k],
-                    "found_delay_s": found[m + k],
-                    "gain_difference": found[k] - gain,
-                    "delay_difference_s": found[m + k] - delay,
-                    "is_found": n == nearest,
-                }
-            )
+        rows += [
+            {
+                "measured": pair.measured,
+                "actuator": pair.actuator,
+                "gain": g,
+                "delay_s": tau,
+                "found_gain": gain,
+                "found_delay_s": delay,
+                "gain_difference": gain - g,
+                "delay_difference_s": delay - tau,
+                "is_found": n == nearest,
+            }
+            for n, (g, tau) in enumerate(options)
+        ]
     return pd.DataFrame(rows)
 
 

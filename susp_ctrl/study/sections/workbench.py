@@ -7,16 +7,13 @@ from dataclasses import dataclass, field
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
+from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems import DelayLTI, close_loop
 from susp_ctrl.study.results.study_run import Design
 from susp_ctrl.study.settings.simulation import RoadSettings
 from susp_ctrl.study.settings.study_file import Study
 from susp_ctrl.study.settings.vehicle import PASSIVE, DesignSettings, feedback_channels
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 Report = Callable[[float], None]
 """Told how far a section is, from 0 to 1."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from susp_ctrl.study.settings.fields import SettingError, Settings, setting
+from susp_ctrl.study.settings.fields import Settings, TextForm, setting
 
 
 class Printed(NamedTuple):
@@ -33,16 +33,15 @@ def printed_number(text: str) -> Printed:
     return Printed(float(text), 0.5 * 10.0 ** (int(exponent or 0) - decimals), text)
 
 
-def _check_printed(**texts: str | None) -> None:
-    for name, text in texts.items():
-        if text is None:
-            continue
-        try:
-            printed_number(text)
-        except ValueError:
-            raise SettingError(
-                name, text, 'a number as printed, in quotes, such as "0.5026", is needed'
-            ) from None
+def _is_printed_number(text: str) -> bool:
+    try:
+        printed_number(text)
+    except ValueError:
+        return False
+    return True
+
+
+PRINTED = TextForm(_is_printed_number, 'a number as printed, in quotes, such as "0.5026", is needed')
 
 
 @dataclass(frozen=True)
@@ -50,14 +49,10 @@ class PrintedRow(Settings):
     """One row of a printed RMS table."""
 
     indicator: str = setting(not_empty=True)
-    passive: str = setting()
-    active: str = setting()
-    change_percent: str | None = setting(None)
+    passive: str = setting(form=PRINTED)
+    active: str = setting(form=PRINTED)
+    change_percent: str | None = setting(None, form=PRINTED)
     misprint: str = setting("")
-
-    def check(self) -> None:
-        """Check that the entries are numbers."""
-        _check_printed(passive=self.passive, active=self.active, change_percent=self.change_percent)
 
 
 @dataclass(frozen=True)
@@ -76,12 +71,8 @@ class PrintedRoot(Settings):
     """One printed characteristic root; its conjugate is understood."""
 
     name: str = setting(not_empty=True)
-    real: str = setting()
-    imaginary: str = setting()
-
-    def check(self) -> None:
-        """Check that the entries are numbers."""
-        _check_printed(real=self.real, imaginary=self.imaginary)
+    real: str = setting(form=PRINTED)
+    imaginary: str = setting(form=PRINTED)
 
 
 @dataclass(frozen=True)
@@ -115,14 +106,8 @@ class PrintedInterval(Settings):
 
     item: str = setting(not_empty=True)
     design: str = setting(not_empty=True)
-    upper: str = setting(unit="s")
-    crossings: tuple[str, ...] = setting((), unit="rad_per_s")
-
-    def check(self) -> None:
-        """Check that the entries are numbers."""
-        _check_printed(upper_s=self.upper)
-        for n, text in enumerate(self.crossings, 1):
-            _check_printed(**{f"crossings_rad_per_s[{n}]": text})
+    upper: str = setting(unit="s", form=PRINTED)
+    crossings: tuple[str, ...] = setting((), unit="rad_per_s", form=PRINTED)
 
 
 @dataclass(frozen=True)
@@ -132,11 +117,7 @@ class PrintedPeak(Settings):
     item: str = setting(not_empty=True)
     design: str = setting("passive")
     output: str = setting(not_empty=True)
-    frequency: str = setting(unit="Hz")
-
-    def check(self) -> None:
-        """Check that the entry is a number."""
-        _check_printed(frequency_Hz=self.frequency)
+    frequency: str = setting(unit="Hz", form=PRINTED)
 
 
 @dataclass(frozen=True)

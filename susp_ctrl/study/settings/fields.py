@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import types
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import cache
 from typing import Any, Self, Union, get_args, get_origin, get_type_hints
@@ -35,6 +36,20 @@ class SettingError(InputError):
 
 
 @dataclass(frozen=True)
+class TextForm:
+    """The form of a text: whether one has it, and in words what is needed."""
+
+    fits: Callable[[str], Any]
+    needed: str
+
+
+KEY = TextForm(
+    re.compile(r"[a-z][a-z0-9_]*").fullmatch, "a short name of small letters, digits and _ is needed"
+)
+"""What can serve as the key of a design, a search or a case."""
+
+
+@dataclass(frozen=True)
 class Rule:
     """Unit and limits of one key."""
 
@@ -44,6 +59,7 @@ class Rule:
     at_most: float | None = None
     choices: tuple[str, ...] = ()
     not_empty: bool = False
+    form: TextForm | None = None
 
     @property
     def limits(self) -> str:
@@ -66,17 +82,73 @@ class Settings:
     """Base of all settings: every field is checked by its annotation and its `Rule`."""
 
     def __post_init__(self) -> None:
-        for name, (rule, kind) in _plan(type(self)).items():  # type: ignore[arg-type]  # classes are hashable
+        for name, (rule, kind) in self._plan().items():
             object.__setattr__(self, name, _checked(file_key(name, rule), getattr(self, name), kind, rule))
         self.check()
+
+    @classmethod
+    def _plan(cls) -> dict[str, tuple[Rule, Any]]:
+        return _rules_and_types(cls)  # type: ignore[arg-type]  # classes are hashable
 
     def check(self) -> None:
         """Check what several keys decide together; raise `SettingError`."""
 
+    def check_needs(
+        self,
+        word: str,
+        needs: Mapping[str, tuple[str, ...]],
+        optional: Mapping[str, tuple[str, ...]] | None = None,
+        owner: str = "",
+    ) -> None:
+        """Check that exactly those fields have a value that the value of the field `word` needs, or leaves free."""
+        chosen, free = getattr(self, word), optional or {}
+        concerned = {name for names in (*needs.values(), *free.values()) for name in names}
+        for name, (rule, _) in self._plan().items():
+            value, needed = getattr(self, name), name in needs[chosen]
+            if needed and value is None:
+                allowed = f'this key is missing: {owner}{word} = "{chosen}" needs it'
+                raise SettingError(file_key(name, rule), MISSING, allowed)
+            if name in concerned and not needed and name not in free.get(chosen, ()) and value is not None:
+                allowed = f'not used with {word} = "{chosen}": remove this key'
+                raise SettingError(file_key(name, rule), value, allowed)
+
     @classmethod
-    def from_table(cls, place: Place, table: Mapping[str, Any]) -> Self:
+    def from_table(cls, place: Place, table: Any) -> Self:
         """Read the settings from a TOML table, strictly: unknown and missing keys are errors."""
-        return read_fields(cls, place, table)
+        if not isinstance(table, Mapping):
+            raise place.error(SettingError("", table, "a table is needed"))
+        return cls.read(place, table)
+
+    @classmethod
+    def read(cls, place: Place, table: Mapping[str, Any]) -> Self:
+        """Read a table; settings that depend on several of its keys at once do more than read the fields."""
+        return cls.read_fields(place, table)
+
+    @classmethod
+    def read_fields(
+        cls, place: Place, table: Mapping[str, Any], units: Mapping[str, str] | None = None
+    ) -> Self:
+        """Read a table field by field; `units` are those of fields whose unit depends on another key of the table."""
+        plan, own_units = cls._plan(), units or {}
+        names = {
+            f"{name}_{own_units[name]}" if name in own_units else file_key(name, rule): name
+            for name, (rule, _) in plan.items()
+        }
+        for given, value in table.items():
+            if given not in names:
+                raise place.error(SettingError(given, value, f"unknown key, {nearest(given, names)}"))
+        defaults = {f.name: f.default for f in fields(cls)}
+        values: dict[str, Any] = {}
+        for in_file, name in names.items():
+            if in_file in table:
+                values[name] = _nested(plan[name][1], place.inside(in_file), table[in_file])
+            elif defaults[name] is MISSING:
+                raise place.error(SettingError(in_file, MISSING, "this key is missing"))
+        try:
+            return cls(**values)
+        except SettingError as problem:
+            problem.key = next((f for f, name in names.items() if name == problem.key), problem.key)
+            raise place.error(problem) from None
 
 
 def file_key(name: str, rule: Rule) -> str:
@@ -85,7 +157,7 @@ def file_key(name: str, rule: Rule) -> str:
 
 
 @cache
-def _plan(cls: type) -> dict[str, tuple[Rule, Any]]:
+def _rules_and_types(cls: type) -> dict[str, tuple[Rule, Any]]:
     hints = get_type_hints(cls)
     members: tuple[Field[Any], ...] = fields(cls)
     return {f.name: (f.metadata["rule"], hints[f.name]) for f in members if "rule" in f.metadata}
@@ -100,11 +172,12 @@ def shown(value: Any) -> str:
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 
 
-def nearest(word: str, words: list[str]) -> str:
+def nearest(word: str, words: Iterable[str]) -> str:
     """Return the hint ``did you mean ...? allowed are ...``."""
-    close = difflib.get_close_matches(word, words, n=1, cutoff=0.5)
+    allowed = list(words)
+    close = difflib.get_close_matches(word, allowed, n=1, cutoff=0.5)
     hint = f'did you mean "{close[0]}"? ' if close else ""
-    return f"{hint}allowed are {', '.join(words)}" if words else "no key is allowed here"
+    return f"{hint}allowed are {', '.join(allowed)}" if allowed else "no key is allowed here"
 
 
 # --- values -----------------------------------------------------------------------------------------------------
@@ -153,11 +226,9 @@ def _without_none(kind: Any) -> tuple[bool, Any]:
 
 
 def _number(name: str, value: Any, rule: Rule) -> float:
-    wanted = f"a finite number{rule.limits} is needed"
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise SettingError(name, value, wanted)
-    if not _within(value, rule):
-        raise SettingError(name, value, wanted)
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not number or not math.isfinite(value) or not _within(value, rule):
+        raise SettingError(name, value, f"a finite number{rule.limits} is needed")
     return float(value)
 
 
@@ -179,9 +250,11 @@ def _text(name: str, value: Any, rule: Rule) -> str:
     if not isinstance(value, str):
         raise SettingError(name, value, "a text in quotes is needed")
     if rule.choices and value not in rule.choices:
-        raise SettingError(name, value, nearest(value, list(rule.choices)))
+        raise SettingError(name, value, nearest(value, rule.choices))
     if rule.not_empty and not value.strip():
         raise SettingError(name, value, "a text that is not empty is needed")
+    if rule.form is not None and not rule.form.fits(value):
+        raise SettingError(name, value, rule.form.needed)
     return value
 
 
@@ -203,36 +276,6 @@ class Place:
         """Return the error with the file and the full key."""
         full = f"{self.path}.{problem.key}" if self.path and problem.key else self.path or problem.key
         return SettingError(f"{self.file}: {full}", problem.value, problem.allowed)
-
-
-def read_fields(cls: type, place: Place, table: Any, units: Mapping[str, str] | None = None) -> Any:
-    """Make an object of a settings class from a table, field by field.
-
-    `units` gives the unit of fields whose unit depends on another key of the table.
-    """
-    if not isinstance(table, Mapping):
-        raise place.error(SettingError("", table, "a table is needed"))
-    plan = _plan(cls)
-    own_units = units or {}
-    names = {
-        f"{name}_{own_units[name]}" if name in own_units else file_key(name, rule): name
-        for name, (rule, _) in plan.items()
-    }
-    for given, value in table.items():
-        if given not in names:
-            raise place.error(SettingError(given, value, f"unknown key, {nearest(given, list(names))}"))
-    members = {f.name: f for f in fields(cls)}
-    values: dict[str, Any] = {}
-    for in_file, name in names.items():
-        if in_file in table:
-            values[name] = _nested(plan[name][1], place.inside(in_file), table[in_file])
-        elif members[name].default is MISSING:
-            raise place.error(SettingError(in_file, MISSING, "this key is missing"))
-    try:
-        return cls(**values)
-    except SettingError as problem:
-        problem.key = next((f for f, name in names.items() if name == problem.key), problem.key)
-        raise place.error(problem) from None
 
 
 def _nested(kind: Any, place: Place, value: Any) -> Any:

@@ -4,23 +4,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
-from susp_ctrl.ride import signal_unit
-from susp_ctrl.study.settings.fields import (
-    MISSING,
-    Place,
-    SettingError,
-    Settings,
-    nearest,
-    read_fields,
-    setting,
-)
+from susp_ctrl.study.settings.fields import KEY, MISSING, Place, SettingError, Settings, setting
 from susp_ctrl.study.settings.simulation import RoadSettings
-from susp_ctrl.study.settings.units import GAIN_UNITS
-from susp_ctrl.study.settings.vehicle import check_key
+from susp_ctrl.study.settings.vehicle import GAIN_UNITS
 
 AXES = ("tau1", "gain1", "tau2", "gain2")
 """What can be free, in the order in which x and y are taken from it."""
@@ -46,12 +36,9 @@ class ExplorerSettings(Settings):
     def check(self) -> None:
         """Refuse a response of one instant, or of more than a page should hold."""
         if not self.step <= self.duration <= _MOST_INSTANTS * self.step:
-            raise SettingError(
-                "step_s",
-                self.step,
-                f"from {self.duration / _MOST_INSTANTS:g} (duration_s / {_MOST_INSTANTS}) to duration_s = "
-                f"{self.duration:g} is needed",
-            )
+            least = f"{self.duration / _MOST_INSTANTS:g} (duration_s / {_MOST_INSTANTS})"
+            allowed = f"from {least} to duration_s = {self.duration:g} is needed"
+            raise SettingError("step_s", self.step, allowed)
 
 
 @dataclass(frozen=True)
@@ -63,7 +50,7 @@ class MapSettings(Settings):
     times those of the design, but for a gain that is free.
     """
 
-    key: str = setting(not_empty=True)
+    key: str = setting(not_empty=True, form=KEY)
     designs: tuple[str, ...] = setting(())
     gain_factor: float = setting(1.0, above=0.0)
     channels: tuple[int, int] = setting((1, 2), at_least=1)
@@ -80,24 +67,21 @@ class MapSettings(Settings):
     """Units that the file gives to the ends of free gains, by field."""
 
     @classmethod
-    def from_table(cls, place: Place, table: Any) -> Self:
+    def read(cls, place: Place, table: Mapping[str, Any]) -> Self:
         """Read the table; keys of free gains bear a unit, such as ``gain1_to_N_per_m``."""
-        given = [_GAIN_KEY.fullmatch(k) for k in table] if isinstance(table, Mapping) else []
+        given = [_GAIN_KEY.fullmatch(key) for key in table]
         units = {m[1]: m[2] for m in given if m is not None and m[2] in GAIN_UNITS.values()}
         ends = [f"gain{n}_{end}" for n in (1, 2) for end in ("from", "to")]
-        read: Self = read_fields(cls, place, table, {end: units.get(end, "N_per_m") for end in ends})
-        return replace(read, gain_units=units)
+        settings = cls.read_fields(place, table, {end: units.get(end, "N_per_m") for end in ends})
+        return replace(settings, gain_units=units)
 
     def check(self) -> None:
         """Check that two ranges are free, and that each is one."""
-        check_key(self.key)
         for name in AXES:
             low, high = getattr(self, f"{name}_from"), getattr(self, f"{name}_to")
             if (low is None) != (high is None):
-                missing = f"{name}_{'from' if low is None else 'to'}"
-                raise SettingError(
-                    missing, MISSING, "this key is missing: a range needs both its _from and its _to"
-                )
+                allowed = "this key is missing: a range needs both its _from and its _to"
+                raise SettingError(f"{name}_{'from' if low is None else 'to'}", MISSING, allowed)
             if low is not None and low >= high:
                 raise SettingError(f"{name}_to", high, f"more than {name}_from = {low:g} is needed")
         if len(self.free) != 2:
@@ -124,57 +108,3 @@ class MapSettings(Settings):
     def fits(self, channels: int) -> bool:
         """Whether a design with this many channels has what is free."""
         return all(self.channel(name) < channels for name in self.free)
-
-
-def check_maps(
-    maps: Sequence[MapSettings], measured: Mapping[str, Sequence[str]], outputs: Sequence[str]
-) -> None:
-    """Check maps against the designs of a study.
-
-    Parameters
-    ----------
-    maps : sequence of MapSettings
-    measured : mapping of str to sequence of str
-        What the channels of each design measure, by design.
-    outputs : sequence of str
-        Outputs of the plant.
-
-    Raises
-    ------
-    SettingError
-        An unknown or too small design, a gain of another unit, an unknown output, a key used twice.
-    """
-    keys = [entry.key for entry in maps]
-    for entry in maps:
-        place = f"stability_maps[{entry.key}]"
-        if keys.count(entry.key) > 1:
-            raise SettingError(f"{place}.key", entry.key, "every key may be used only once")
-        for design in entry.designs:
-            if design not in measured:
-                allowed = nearest(design, list(measured)) if measured else "there is none in this study"
-                raise SettingError(f"{place}.designs", design, allowed)
-            if not entry.fits(len(measured[design])):
-                needed = max(entry.channel(name) for name in entry.free) + 1
-                count = len(measured[design])
-                raise SettingError(
-                    f"{place}.designs", design, f"a design with {needed} channels is needed, it has {count}"
-                )
-        chosen = list(entry.designs) or [key for key, names in measured.items() if entry.fits(len(names))]
-        if not chosen:
-            raise SettingError(f"{place}.designs", [], "no design of this study has these channels")
-        for end, unit in entry.gain_units.items():
-            for design in chosen:
-                name = measured[design][entry.channel(end[:5])]
-                right = GAIN_UNITS[signal_unit(name)]
-                if unit != right:
-                    raise SettingError(
-                        f"{place}.{end}_{unit}",
-                        getattr(entry, end),
-                        f"the gain from {name} of {design} needs the key {end}_{right}",
-                    )
-        if entry.explorer is not None and entry.explorer.output and entry.explorer.output not in outputs:
-            raise SettingError(
-                f"{place}.explorer.output",
-                entry.explorer.output,
-                nearest(entry.explorer.output, list(outputs)),
-            )

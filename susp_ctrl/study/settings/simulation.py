@@ -6,10 +6,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from susp_ctrl.study.settings.fields import MISSING, SettingError, Settings, setting
-from susp_ctrl.study.settings.vehicle import check_key
+from susp_ctrl.road import ISO_8608_CLASSES
+from susp_ctrl.study.settings.fields import KEY, MISSING, SettingError, Settings, setting
 
-ISO_CLASSES = tuple("ABCDEFGH")
+ISO_CLASSES = tuple(ISO_8608_CLASSES)
+
+# What each kind of road needs to be told.
+_ROADS = {"harmonic": ("amplitude", "omega"), "random": ("iso_class", "seed"), "bump": ("height", "length")}
 
 _MOST_SAMPLES = 2_000_000  # of a record: some hundred MB with all outputs
 
@@ -17,18 +20,15 @@ _MOST_SAMPLES = 2_000_000  # of a record: some hundred MB with all outputs
 def check_band(lower: float, upper: float) -> None:
     """Refuse an empty band of frequencies (rad/s)."""
     if lower >= upper:
-        raise SettingError(
-            "omega_to_rad_per_s",
-            upper,
-            f"the band is empty: more than omega_from_rad_per_s = {lower:g} is needed",
-        )
+        allowed = f"the band is empty: more than omega_from_rad_per_s = {lower:g} is needed"
+        raise SettingError("omega_to_rad_per_s", upper, allowed)
 
 
 @dataclass(frozen=True)
 class RoadSettings(Settings):
     """A road: harmonic, random (ISO 8608) or a bump."""
 
-    kind: str = setting(choices=("harmonic", "random", "bump"))
+    kind: str = setting(choices=tuple(_ROADS))
     amplitude: float | None = setting(None, unit="m", at_least=0.0)
     omega: float | None = setting(None, unit="rad_per_s", above=0.0)
     iso_class: str | None = setting(None, choices=ISO_CLASSES)
@@ -37,32 +37,9 @@ class RoadSettings(Settings):
     height: float | None = setting(None, unit="m")
     length: float | None = setting(None, unit="m", above=0.0)
 
-    _NEEDS = {  # noqa: RUF012  a constant, no field
-        "harmonic": ("amplitude_m", "omega_rad_per_s"),
-        "random": ("iso_class", "seed"),
-        "bump": ("height_m", "length_m"),
-    }
-
     def check(self) -> None:
         """Check that the kind has exactly the numbers it needs."""
-        values = {
-            "amplitude_m": self.amplitude,
-            "omega_rad_per_s": self.omega,
-            "iso_class": self.iso_class,
-            "seed": self.seed,
-            "bins": self.bins,
-            "height_m": self.height,
-            "length_m": self.length,
-        }
-        needed = self._NEEDS[self.kind]
-        optional = ("bins",) if self.kind == "random" else ()
-        for name, value in values.items():
-            if name in needed and value is None:
-                raise SettingError(
-                    name, MISSING, f'this key is missing: a road of kind = "{self.kind}" needs it'
-                )
-            if name not in (*needed, *optional) and value is not None:
-                raise SettingError(name, value, f'not used with kind = "{self.kind}": remove this key')
+        self.check_needs("kind", _ROADS, optional={"random": ("bins",)}, owner="a road of ")
 
 
 @dataclass(frozen=True)
@@ -74,7 +51,7 @@ class TimeSettings(Settings):
     up to `pade_omega` needs.
     """
 
-    key: str = setting(not_empty=True)
+    key: str = setting(not_empty=True, form=KEY)
     label: str = setting(not_empty=True)
     road: RoadSettings = setting()
     duration: float = setting(20.0, unit="s", above=0.0)
@@ -88,8 +65,7 @@ class TimeSettings(Settings):
     pade_omega: float = setting(100.0, unit="rad_per_s", above=0.0)
 
     def check(self) -> None:
-        """Check the key and that the steps divide each other and the record."""
-        check_key(self.key)
+        """Check that the steps divide each other and the record."""
         if self.step >= self.duration:
             raise SettingError("step_s", self.step, f"less than duration_s = {self.duration:g} is needed")
         if self.skip >= self.duration:
@@ -99,9 +75,8 @@ class TimeSettings(Settings):
             raise SettingError("step_s", self.step, allowed)
         ratio = self.report_step / self.step
         if ratio < 1 - 1e-9 or abs(ratio - round(ratio)) > 1e-6:
-            raise SettingError(
-                "report_step_s", self.report_step, f"a multiple of step_s = {self.step:g} is needed"
-            )
+            allowed = f"a multiple of step_s = {self.step:g} is needed"
+            raise SettingError("report_step_s", self.report_step, allowed)
 
 
 @dataclass(frozen=True)
@@ -134,9 +109,8 @@ class PadeSettings(Settings):
             if value is None and other is not None:
                 raise SettingError(f"{name}_rad_per_s", MISSING, "this key is missing: a band has two ends")
         if low is not None and high is not None and low >= high:
-            raise SettingError(
-                "wheel_hop_to_rad_per_s", high, f"more than wheel_hop_from_rad_per_s = {low:g} is needed"
-            )
+            allowed = f"more than wheel_hop_from_rad_per_s = {low:g} is needed"
+            raise SettingError("wheel_hop_to_rad_per_s", high, allowed)
         if list(self.orders) != sorted(set(self.orders)):
             raise SettingError("orders", list(self.orders), "increasing orders are needed")
 

@@ -11,24 +11,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from susp_ctrl.study.settings.audit import AuditSettings
-from susp_ctrl.study.settings.fields import MISSING, SettingError, Settings, nearest, setting
+from susp_ctrl.study.settings.fields import KEY, SettingError, Settings, nearest, setting
 from susp_ctrl.study.settings.maps import MapSettings
-from susp_ctrl.study.settings.simulation import (
-    ISO_CLASSES,
-    PadeSettings,
-    TimeSettings,
-    check_band,
-)
+from susp_ctrl.study.settings.simulation import ISO_CLASSES, PadeSettings, TimeSettings, check_band
 from susp_ctrl.study.settings.variants import SweepSettings
-from susp_ctrl.study.settings.vehicle import (
-    BoxSettings,
-    DesignSettings,
-    PairSettings,
-    VehicleSettings,
-    check_key,
-)
+from susp_ctrl.study.settings.vehicle import BoxSettings, DesignSettings, PairSettings, VehicleSettings
+from susp_ctrl.tuning.swarm import TOPOLOGIES
 
-OBJECTIVES = ("harmonic", "band_mean", "band_peak", "road_rms")
+# What each objective of a search needs to be told.
+_OBJECTIVES = {
+    "harmonic": ("omega",),
+    "band_mean": ("omega_from", "omega_to"),
+    "band_peak": ("omega_from", "omega_to"),
+    "road_rms": ("iso_class",),
+}
 
 
 @dataclass(frozen=True)
@@ -58,9 +54,9 @@ class TuningSettings(Settings):
     +- `delay_tolerance` (a fraction).
     """
 
-    key: str = setting(not_empty=True)
+    key: str = setting(not_empty=True, form=KEY)
     label: str = setting(not_empty=True)
-    objective: str = setting(choices=OBJECTIVES)
+    objective: str = setting(choices=tuple(_OBJECTIVES))
     weights: Mapping[str, float] = setting(not_empty=True, at_least=0.0)
     pairs: tuple[PairSettings, ...] = setting(not_empty=True)
     omega: float | None = setting(None, unit="rad_per_s", above=0.0)
@@ -69,39 +65,16 @@ class TuningSettings(Settings):
     iso_class: str | None = setting(None, choices=ISO_CLASSES)
     particles: int = setting(60, at_least=2, at_most=100_000)
     iterations: int = setting(200, at_least=0, at_most=100_000)
-    topology: str = setting("ring", choices=("ring", "global"))
+    topology: str = setting("ring", choices=TOPOLOGIES)
     seed: int = setting(0, at_least=0)
     decay_rate: float = setting(0.0, unit="per_s", at_least=0.0)
     delay_tolerance: float = setting(0.0, at_least=0.0, at_most=0.99)
     compare: tuple[str, ...] = setting(())
     detuning: tuple[float, ...] = setting((0.95, 0.98, 0.99, 1.0, 1.01, 1.02, 1.05), above=0.0)
 
-    _NEEDS = {  # noqa: RUF012  a constant, no field
-        "harmonic": ("omega",),
-        "band_mean": ("omega_from", "omega_to"),
-        "band_peak": ("omega_from", "omega_to"),
-        "road_rms": ("iso_class",),
-    }
-
     def check(self) -> None:
         """Check that the objective has exactly the numbers it needs."""
-        check_key(self.key)
-        units = {
-            "omega": "omega_rad_per_s",
-            "omega_from": "omega_from_rad_per_s",
-            "omega_to": "omega_to_rad_per_s",
-        }
-        for name in ("omega", "omega_from", "omega_to", "iso_class"):
-            value, in_file = getattr(self, name), units.get(name, name)
-            needed = name in self._NEEDS[self.objective]
-            if needed and value is None:
-                raise SettingError(
-                    in_file, MISSING, f'this key is missing: objective = "{self.objective}" needs it'
-                )
-            if not needed and value is not None:
-                raise SettingError(
-                    in_file, value, f'not used with objective = "{self.objective}": remove this key'
-                )
+        self.check_needs("objective", _OBJECTIVES)
         if self.omega_from is not None and self.omega_to is not None:
             check_band(self.omega_from, self.omega_to)
         if not any(self.weights.values()):

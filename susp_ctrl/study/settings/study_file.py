@@ -1,4 +1,4 @@
-"""From a study file to a checked `Study`."""
+"""From a study file to a checked `Study`, and a commented template for a new file."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import re
 import tomllib
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from susp_ctrl.ride.indicators import indicator_signals
 from susp_ctrl.study.settings.fields import Place, SettingError
 from susp_ctrl.study.settings.references import check_references
 from susp_ctrl.study.settings.study import StudySettings
-from susp_ctrl.study.settings.units import parameter_unit
+from susp_ctrl.study.settings.vehicle import parameter_keys
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
 
 _STEP = re.compile(r"([A-Za-z0-9_]+)(?:\[([^\]]+)\])?(?:\.|$)")
@@ -92,12 +93,10 @@ class Study:
         for name, entry in _STEP.findall(path):
             here = here.get(name) if isinstance(here, Mapping) else None
             if entry and here is not None:
-                here = next(
-                    (e for i, e in enumerate(here, 1) if e.get("key") == entry or entry == str(i)), None
-                )
+                here = _entry(here, entry)
         section, _, key = path.partition(".")
         if here is None and section == "vehicle":
-            names = {f"{f.name}_{parameter_unit(f.name)}": f.name for f in fields(self.vehicle)}
+            names = parameter_keys(type(self.vehicle))
             if key in names:
                 return getattr(self.vehicle, names[key])
             return self.settings.vehicle.speed if key == "speed_m_per_s" else None
@@ -126,12 +125,11 @@ class Study:
     @property
     def lags(self) -> dict[str, float]:
         """Delay (s) of every road input behind the front axle, in the plant's order."""
-        return {road: self._lag(road) for road in road_inputs(self.plant)}
-
-    def _lag(self, road: str) -> float:
-        if "rear" in road.split("_") and not isinstance(self.vehicle, QuarterCar):
-            return self.vehicle.axle_lag(self.settings.vehicle.speed)
-        return 0.0
+        car, rear = self.vehicle, 0.0
+        if not isinstance(car, QuarterCar):
+            rear = car.axle_lag(self.settings.vehicle.speed)
+        words = {name: name.split("_") for name in self.plant.input_labels}
+        return {name: rear if "rear" in parts else 0.0 for name, parts in words.items() if parts[0] == "road"}
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the plant out, which python-control cannot pickle; it is built again when asked for."""
@@ -176,9 +174,38 @@ def load_study(path: str | Path) -> Study:
     return Study.from_table(table, str(path), hashlib.sha256(content).hexdigest())
 
 
-def road_inputs(plant: control.StateSpace) -> list[str]:
-    """Return the road inputs of a plant, in its order."""
-    return [name for name in plant.input_labels if name.split("_")[0] == "road"]
+def new_study(name: str | Path) -> Path:
+    """Write a commented template of a study file.
+
+    Parameters
+    ----------
+    name : str or Path
+        Name of the study, with its folder where it is not the current one; ``.toml`` may be left out. Letters,
+        digits, ``_`` and ``-``.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    InputError
+        A name with other characters, a folder that does not exist, or a file that is there already.
+    """
+    given = Path(name)
+    path = given if given.suffix == ".toml" else given.with_name(f"{given.name}.toml")
+    if not re.fullmatch(r"[\w-]+", path.stem):
+        raise InputError(f"name = {str(name)!r} is not allowed: letters, digits, _ and - are")
+    if not path.parent.is_dir():
+        raise InputError(f"name = {str(name)!r} is not allowed: there is no folder {str(path.parent)!r}")
+    text = files("susp_ctrl.study.settings").joinpath("template.toml").read_text(encoding="utf-8")
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text.replace('name = "NAME"', f'name = "{path.stem}"', 1))
+    except FileExistsError:
+        raise InputError(f"name = {str(name)!r} is not allowed: {path} is there already") from None
+    return path
 
 
 def _with_indicators(study: StudySettings) -> StudySettings:
@@ -194,6 +221,11 @@ def _with_indicators(study: StudySettings) -> StudySettings:
         )
     time = tuple(replace(case, outputs=case.outputs or indicators) for case in study.time)
     return replace(study, frequency=frequency, time=time)
+
+
+def _entry(entries: Any, wanted: str) -> Any:
+    """Return the entry of a list of tables by its key or its position, counted from 1; None if there is none."""
+    return next((e for n, e in enumerate(entries, 1) if e.get("key") == wanted or wanted == str(n)), None)
 
 
 def _set(table: dict[str, Any], path: str, value: Any) -> None:
@@ -214,8 +246,7 @@ def _set(table: dict[str, Any], path: str, value: Any) -> None:
             here[name] = {}
         here = here[name]
         if entry:
-            found = [e for i, e in enumerate(here, 1) if e.get("key") == entry or entry == str(i)]
-            if not found:
+            here = _entry(here, entry)
+            if here is None:
                 raise InputError(f"{path} = {value!r}: {name} has no entry {entry!r}")
-            here = found[0]
     raise InputError(f"{path} = {value!r}: a path that ends in a key is needed")

@@ -9,16 +9,8 @@ from typing import Any, Self
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride import signal_unit
 from susp_ctrl.ride.indicators import indicator_signals
-from susp_ctrl.study.settings.fields import (
-    MISSING,
-    Place,
-    SettingError,
-    Settings,
-    nearest,
-    read_fields,
-    setting,
-)
-from susp_ctrl.study.settings.variation import DISTRIBUTIONS, Factor, Levels, Range, Tolerance
+from susp_ctrl.study.settings.fields import MISSING, Place, SettingError, Settings, nearest, setting
+from susp_ctrl.study.settings.variation import DISTRIBUTIONS, Factor, Levels, Range, Spread, Tolerance
 
 KINDS = ("grid", "latin_hypercube", "monte_carlo")
 
@@ -53,22 +45,20 @@ class FactorSettings(Settings):
             raise SettingError(given[0], getattr(self, given[0]), str(problem)) from None
 
     @classmethod
-    def from_table(cls, place: Place, table: Any) -> Self:
+    def read(cls, place: Place, table: Mapping[str, Any]) -> Self:
         """Read the table; `values` may be numbers or texts."""
-        if not isinstance(table, Mapping) or "values" not in table:
-            read: Self = read_fields(cls, place, table)
-            return read
+        if "values" not in table:
+            return cls.read_fields(place, table)
         values = table["values"]
         if not isinstance(values, list) or not values:
             raise place.error(SettingError("values", values, "a list of numbers or texts is needed"))
         rest = {name: value for name, value in table.items() if name != "values"}
         for name in ("relative", "range"):
             if name in rest:
-                raise place.error(
-                    SettingError(name, rest[name], "not used beside values: remove one of them")
-                )
+                allowed = "not used beside values: remove one of them"
+                raise place.error(SettingError(name, rest[name], allowed))
         # A range stands in for the values while the other keys are read.
-        other: Self = read_fields(cls, place, rest | {"range": [0.0, 1.0]})
+        other = cls.read_fields(place, rest | {"range": [0.0, 1.0]})
         try:
             return cls(keys=other.keys, name=other.name, values=tuple(values))
         except SettingError as problem:
@@ -76,7 +66,7 @@ class FactorSettings(Settings):
 
     def factor(self) -> Factor:
         """Return the factor."""
-        spread: Levels | Range | Tolerance
+        spread: Spread
         if self.values:
             spread = Levels(self.values)
         elif self.range is not None:
@@ -108,12 +98,12 @@ class SweepSettings(Settings):
     limits: Mapping[str, float] | None = setting(None)
 
     @classmethod
-    def from_table(cls, place: Place, table: Any) -> Self:
+    def read(cls, place: Place, table: Mapping[str, Any]) -> Self:
         """Read the table, in which something has to vary."""
-        read: Self = read_fields(cls, place, table)
-        if not read.factors:
+        settings = cls.read_fields(place, table)
+        if not settings.factors:
             raise place.error(SettingError("factors", MISSING, "at least one [[sweep.factors]] is needed"))
-        return read
+        return settings
 
     def check(self) -> None:
         """Check the factors together, and that a grid has no samples."""
@@ -141,32 +131,6 @@ def indicator_limits(limits: Mapping[str, float], outputs: Sequence[str]) -> dic
     result = {}
     for key, value in limits.items():
         if key not in keys and key not in keys.values():
-            raise SettingError(key, value, f"no such indicator, {nearest(key, list(keys))}")
+            raise SettingError(key, value, f"no such indicator, {nearest(key, keys)}")
         result[keys.get(key, key)] = float(value)
     return result
-
-
-def check_sweep(
-    sweep: SweepSettings, outputs: Sequence[str], designs: Sequence[str], cases: Sequence[str]
-) -> None:
-    """Check what a sweep says of designs, time cases and signals of the study.
-
-    Raises
-    ------
-    SettingError
-        The first one that leads nowhere, with the nearest that exists.
-    """
-    for design in sweep.designs:
-        if design not in designs:
-            raise SettingError("sweep.designs", design, f"no such design, {nearest(design, list(designs))}")
-    if sweep.time is not None and sweep.time not in cases:
-        allowed = nearest(sweep.time, list(cases)) if cases else "there is none in this study"
-        raise SettingError("sweep.time", sweep.time, allowed)
-    for name, weight in (sweep.weights or {}).items():
-        if name not in indicator_signals(outputs):
-            raise SettingError(f"sweep.weights.{name}", weight, nearest(name, indicator_signals(outputs)))
-    try:
-        indicator_limits(sweep.limits or {}, outputs)
-    except SettingError as problem:
-        problem.key = f"sweep.limits.{problem.key}"
-        raise

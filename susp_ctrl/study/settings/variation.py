@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 
-if TYPE_CHECKING:
-    from susp_ctrl.study.settings.study_file import Study
-
-FloatArray = NDArray[np.float64]
 Value = bool | int | float | str
 
 DISTRIBUTIONS = ("uniform", "normal")
@@ -35,8 +31,38 @@ def quantiles(low: float, high: float, distribution: str, share: FloatArray) -> 
     return low + (high - low) * share
 
 
+class _Interval:
+    """Numbers between two ends, at even distances in a grid and by their distribution in samples."""
+
+    low: float
+    high: Any  # a number, once `Tolerance` has made one of None
+    levels: int
+    distribution: str
+
+    def __post_init__(self) -> None:
+        kind = type(self).__name__
+        low = validation.number(f"{kind}.low", self.low)
+        high = validation.number(f"{kind}.high", self.high)
+        if low >= high:
+            raise InputError(f"{kind}: from {low:g} to {high:g} is not allowed: the range is empty")
+        object.__setattr__(self, "low", low)
+        object.__setattr__(self, "high", high)
+        validation.integer(f"{kind}.levels", self.levels, at_least=2)
+        validation.one_of(f"{kind}.distribution", self.distribution, DISTRIBUTIONS)
+
+    def at(self, share: FloatArray) -> list[Value]:
+        """Return the values at quantiles."""
+        values: list[Value] = quantiles(self.low, self.high, self.distribution, share).tolist()
+        return values
+
+    def grid(self) -> list[Value]:
+        """Return the levels of a grid."""
+        values: list[Value] = np.linspace(self.low, self.high, self.levels).tolist()
+        return values
+
+
 @dataclass(frozen=True)
-class Range:
+class Range(_Interval):
     """Values of a key from `low` to `high`, in its own unit.
 
     Parameters
@@ -59,22 +85,9 @@ class Range:
     levels: int = 3
     distribution: str = "uniform"
 
-    def __post_init__(self) -> None:
-        _check_spread(self)
-
-    def at(self, share: FloatArray) -> list[Value]:
-        """Return the values at quantiles."""
-        values: list[Value] = quantiles(self.low, self.high, self.distribution, share).tolist()
-        return values
-
-    def grid(self) -> list[Value]:
-        """Return the levels of a grid."""
-        values: list[Value] = np.linspace(self.low, self.high, self.levels).tolist()
-        return values
-
 
 @dataclass(frozen=True)
-class Tolerance:
+class Tolerance(_Interval):
     """Relative change of a key: the study's own value times 1 + share.
 
     Parameters
@@ -107,19 +120,7 @@ class Tolerance:
             size = abs(validation.number("low", self.low))
             object.__setattr__(self, "low", -size)
             object.__setattr__(self, "high", size)
-        _check_spread(self)
-
-    def at(self, share: FloatArray) -> list[Value]:
-        """Return the relative changes at quantiles."""
-        assert self.high is not None
-        values: list[Value] = quantiles(self.low, self.high, self.distribution, share).tolist()
-        return values
-
-    def grid(self) -> list[Value]:
-        """Return the levels of a grid."""
-        assert self.high is not None
-        values: list[Value] = np.linspace(self.low, self.high, self.levels).tolist()
-        return values
+        super().__post_init__()
 
 
 @dataclass(frozen=True)
@@ -207,37 +208,6 @@ class Factor:
                 raise InputError(f"factors: the {what} {twice} stands in two of them")
         return result
 
-    def changes(self, study: Study, values: Sequence[Value]) -> list[dict[str, Value]]:
-        """Return the changes of the study's keys for values of the spread.
-
-        Parameters
-        ----------
-        study : Study
-            Gives the values that relative changes refer to.
-        values : sequence
-            What the spread gives.
-
-        Returns
-        -------
-        list of dict
-            One per value: keys as `Study.with_changes` takes them.
-
-        Raises
-        ------
-        InputError
-            A relative change of a key that is no number in the study, or has no value there.
-        """
-        if not isinstance(self.spread, Tolerance):
-            return [dict.fromkeys(self.keys, value) for value in values]
-        own = {key: study.value(key) for key in self.keys}
-        for key, value in own.items():
-            if isinstance(value, bool) or not isinstance(value, (int, float)):
-                if value is None:
-                    study.with_changes({key: 1.0})  # an unknown key is refused here, with the nearest one
-                is_what = "the study gives it no value" if value is None else f"it is {value!r} in the study"
-                raise InputError(f"{key}: a relative change needs a number, and {is_what}")
-        return [{key: value * (1.0 + float(share)) for key, value in own.items()} for share in values]
-
 
 def plain_value(value: Any) -> Value:
     """Return a value as a study file could hold it."""
@@ -263,15 +233,3 @@ def _spread(key: str, spread: Any) -> Spread:
         return Levels(tuple(spread))
     except InputError as problem:
         raise InputError(f"{key}: {problem}") from None
-
-
-def _check_spread(spread: Any) -> None:
-    kind = type(spread).__name__
-    low = validation.number(f"{kind}.low", spread.low)
-    high = validation.number(f"{kind}.high", spread.high)
-    if low >= high:
-        raise InputError(f"{kind}: from {low:g} to {high:g} is not allowed: the range is empty")
-    object.__setattr__(spread, "low", low)
-    object.__setattr__(spread, "high", high)
-    validation.integer(f"{kind}.levels", spread.levels, at_least=2)
-    validation.one_of(f"{kind}.distribution", spread.distribution, DISTRIBUTIONS)

@@ -1,8 +1,10 @@
-"""Settings of the vehicle and of its controllers: what is measured, what acts, with which gain and delay."""
+"""Settings of the vehicle and of its controllers: what is measured, what acts, with which gain and delay.
+
+The units of feedback gains and of vehicle parameters stand here as they end the keys of a study file.
+"""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Self
@@ -10,28 +12,65 @@ from typing import Any, Self
 from susp_ctrl.delay_systems import FeedbackChannel
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride import signal_unit
-from susp_ctrl.study.settings.fields import (
-    MISSING,
-    Place,
-    SettingError,
-    Settings,
-    nearest,
-    read_fields,
-    setting,
-)
-from susp_ctrl.study.settings.units import GAIN_UNITS, parameter_unit
+from susp_ctrl.study.settings.fields import KEY, MISSING, Place, SettingError, Settings, nearest, setting
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
 
 VEHICLES: Mapping[str, type] = {"half_car": HalfCar, "quarter_car": QuarterCar, "full_car": FullCar}
 PASSIVE = "passive"
 
-_KEY = re.compile(r"[a-z][a-z0-9_]*")
+GAIN_UNITS = {
+    "m": "N_per_m",
+    "m/s": "N_s_per_m",
+    "m/s2": "N_s2_per_m",
+    "rad": "N_per_rad",
+    "rad/s": "N_s_per_rad",
+    "rad/s2": "N_s2_per_rad",
+    "N": "N_per_N",
+}
+"""Unit of a gain to a force, as a key suffix, by the unit of the measured signal."""
+
+_PARAMETER_UNITS = (("mass", "kg"), ("inertia", "kg_m2"), ("stiffness", "N_per_m"), ("damping", "N_s_per_m"))
 
 
-def check_key(value: str) -> None:
-    """Refuse what cannot serve as a key of a design, a search or a case."""
-    if not _KEY.fullmatch(value):
-        raise SettingError("key", value, "a short name of small letters, digits and _ is needed")
+def parameter_unit(name: str) -> str:
+    """Return the unit of a vehicle parameter as a key suffix, such as ``"N_per_m"``."""
+    for word, unit in _PARAMETER_UNITS:
+        if word in name.split("_"):
+            return unit
+    return "m"
+
+
+def parameter_keys(vehicle: type) -> dict[str, str]:
+    """Return the fields of a vehicle by their keys in a study file; a seat is no number and has none."""
+    return {f"{f.name}_{parameter_unit(f.name)}": f.name for f in fields(vehicle) if f.name != "seat"}
+
+
+def readable(unit: str) -> str:
+    """Return a unit of a key as text: ``N_s2_per_m`` is ``N s2/m``."""
+    above, _, below = unit.partition("_per_")
+    return above.replace("_", " ") + (f"/{below.replace('_', ' ')}" if below else "")
+
+
+def gain_unit(measured: str) -> str:
+    """Return the unit of a gain from a measured signal to a force as text, such as ``N s/m``."""
+    return readable(GAIN_UNITS[signal_unit(measured)])
+
+
+PAPER_SYMBOLS = {
+    "body_mass": "m",
+    "pitch_inertia": "I",
+    "unsprung_mass_front": "mtf",
+    "unsprung_mass_rear": "mtr",
+    "tire_stiffness_front": "ktf",
+    "tire_stiffness_rear": "ktr",
+    "spring_stiffness_front": "ksf",
+    "spring_stiffness_rear": "ksr",
+    "damping_front": "csf",
+    "damping_rear": "csr",
+    "axle_distance_front": "Lf",
+    "axle_distance_rear": "Lr",
+}
+"""Symbols of Table 1 of the source paper by field of `HalfCar`."""
 
 
 def _check_increasing(lower_key: str, lower: float, upper_key: str, upper: float) -> None:
@@ -52,17 +91,13 @@ class VehicleSettings(Settings):
         self.build()
 
     @classmethod
-    def from_table(cls, place: Place, table: Any) -> Self:
+    def read(cls, place: Place, table: Mapping[str, Any]) -> Self:
         """Read the kind, the speed and every parameter of that kind, ``<field>_<unit>``."""
-        if not isinstance(table, Mapping):
-            raise place.error(SettingError("", table, "a table is needed"))
         kind = table.get("kind", "half_car")
-        if kind not in VEHICLES:
-            raise place.error(SettingError("kind", kind, nearest(str(kind), list(VEHICLES))))
-        names = {
-            f"{f.name}_{parameter_unit(f.name)}": f.name for f in fields(VEHICLES[kind]) if f.name != "seat"
-        }
-        own = {"kind", "speed_m_per_s"}
+        if kind not in list(VEHICLES):
+            raise place.error(SettingError("kind", kind, nearest(str(kind), VEHICLES)))
+        names = parameter_keys(VEHICLES[kind])
+        own = ("kind", "speed_m_per_s")
         parameters = {}
         for given, value in table.items():
             if given in names:
@@ -75,8 +110,7 @@ class VehicleSettings(Settings):
         try:
             return cls(kind=kind, speed=table.get("speed_m_per_s", 20.0), parameters=parameters)
         except SettingError as problem:
-            in_file = next((g for g, name in names.items() if name == problem.key), problem.key)
-            problem.key = in_file
+            problem.key = next((g for g, name in names.items() if name == problem.key), problem.key)
             raise place.error(problem) from None
 
     def build(self) -> HalfCar | QuarterCar | FullCar:
@@ -101,10 +135,8 @@ class _Feedback(Settings):
     actuator: str = setting(not_empty=True)
 
     @classmethod
-    def from_table(cls, place: Place, table: Any) -> Self:
+    def read(cls, place: Place, table: Mapping[str, Any]) -> Self:
         """Read the table; the keys of gains bear the unit that fits the measured signal."""
-        if not isinstance(table, Mapping):
-            raise place.error(SettingError("", table, "a table is needed"))
         measured = table.get("measured", MISSING)
         if not isinstance(measured, str):
             allowed = "this key is missing" if measured is MISSING else "the name of a plant output is needed"
@@ -119,8 +151,7 @@ class _Feedback(Settings):
             if wrong:
                 allowed = f"{measured} is in {signal_unit(measured)}, so the key is {name}_{unit}"
                 raise place.error(SettingError(wrong[0], table[wrong[0]], allowed))
-        result: Self = read_fields(cls, place, table, dict.fromkeys(gains, unit))
-        return result
+        return cls.read_fields(place, table, dict.fromkeys(gains, unit))
 
 
 @dataclass(frozen=True)
@@ -165,14 +196,13 @@ class BoxSettings(_Feedback):
 class DesignSettings(Settings):
     """A given controller."""
 
-    key: str = setting(not_empty=True)
+    key: str = setting(not_empty=True, form=KEY)
     label: str = setting(not_empty=True)
     reference: str = setting("")
     channels: tuple[ChannelSettings, ...] = setting(not_empty=True)
 
     def check(self) -> None:
         """Check the key."""
-        check_key(self.key)
         if self.key == PASSIVE:
             raise SettingError("key", self.key, "this key is taken by the car without control")
 

@@ -42,7 +42,7 @@ def evaluate_on_cluster(
     Dask's nanny, the default, holds BLAS to one thread in every worker; then the numbers are those of local processes.
     """
     try:
-        from distributed import Client, as_completed
+        from distributed import Client, as_completed  # of the extra: not everybody has it
     except ImportError:
         raise InputError(
             f"scheduler = {address!r} needs the extra cluster: pip install 'susp_ctrl[cluster]'"

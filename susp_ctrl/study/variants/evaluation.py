@@ -20,16 +20,16 @@ from susp_ctrl.errors import InputError
 from susp_ctrl.ride import signal_unit, stationary_rms
 from susp_ctrl.ride.indicators import indicator_signals
 from susp_ctrl.road import RandomRoad
+from susp_ctrl.study.results.delay_stability import VERDICTS
 from susp_ctrl.study.results.study_run import Design
 from susp_ctrl.study.sections.time import build_road
 from susp_ctrl.study.sections.tuning import tuning_run
 from susp_ctrl.study.sections.workbench import Workbench
 from susp_ctrl.study.settings.fields import SettingError
 from susp_ctrl.study.settings.study_file import Study
-from susp_ctrl.study.settings.units import GAIN_UNITS
 from susp_ctrl.study.settings.variants import SweepSettings
 from susp_ctrl.study.settings.variation import Value
-from susp_ctrl.study.settings.vehicle import PASSIVE
+from susp_ctrl.study.settings.vehicle import GAIN_UNITS, PASSIVE
 
 VERDICT_COLUMNS = (
     "verdict",
@@ -43,7 +43,6 @@ END_COLUMNS = ("J", "note", "error")
 
 Row = dict[str, Any]
 
-_WORDS = {True: "stable", False: "unstable", None: "undecided"}
 _PAPER_WEIGHTS = {"body_acceleration": 0.7, "pitch_acceleration": 0.3}
 # Warnings are caught for the whole process: threads of a cluster's worker take turns.
 _ONE_AT_A_TIME = threading.Lock()
@@ -230,7 +229,7 @@ def _row(bench: Workbench, question: Question, key: str, road: Any) -> Row:
             loop = close_loop(bench.plant, design.channels, name=key)
             verdict = stability(loop)
             row |= {
-                "verdict": _WORDS[verdict.stable],
+                "verdict": VERDICTS[verdict.stable],
                 "abscissa": float(verdict.abscissa),
                 "unstable_roots": None if verdict.unstable_roots is None else int(verdict.unstable_roots),
             }

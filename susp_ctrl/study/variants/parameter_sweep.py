@@ -14,10 +14,10 @@ import pandas as pd
 
 from susp_ctrl import __version__, validation
 from susp_ctrl.errors import InputError
+from susp_ctrl.study.settings.references import check_sweep
 from susp_ctrl.study.settings.study_file import Study
-from susp_ctrl.study.settings.variants import SweepSettings, check_sweep, indicator_limits
+from susp_ctrl.study.settings.variants import SweepSettings, indicator_limits
 from susp_ctrl.study.settings.variation import Tolerance
-from susp_ctrl.study.settings.vehicle import PASSIVE
 from susp_ctrl.study.variants.dask_cluster import evaluate_on_cluster
 from susp_ctrl.study.variants.evaluation import (
     Question,
@@ -33,6 +33,7 @@ from susp_ctrl.study.variants.sampling_plan import (
     Grid,
     LatinHypercube,
     MonteCarlo,
+    Plan,
     draw_variants,
 )
 from susp_ctrl.study.variants.sweep_result import SweepResult
@@ -43,7 +44,6 @@ Progress = Callable[[str, float], None]
 Task = tuple[int, Mapping[str, Any]]
 Answer = tuple[int, list[Row]]
 
-_DEFAULT_SAMPLES, _DEFAULT_SEED = 100, 0
 _TEXTS = ("verdict", "note", "error")
 
 
@@ -178,13 +178,11 @@ def _settings(study: Study, **changes: Any) -> SweepSettings:
     """Return the section [sweep] of the study with what the caller says instead."""
     settings = study.settings.sweep or SweepSettings()
     settings = replace(settings, **{name: value for name, value in changes.items() if value is not None})
-    own = study.settings
-    designs = [PASSIVE, *(d.key for d in own.designs), *(search.key for search in own.tuning)]
-    check_sweep(settings, list(study.plant.output_labels), designs, [case.key for case in own.time])
+    check_sweep(settings, study.settings, study.plant.output_labels)
     return settings
 
 
-def _plan(study: Study) -> Grid | LatinHypercube | MonteCarlo:
+def _plan(study: Study) -> Plan:
     """Return the plan of the section [sweep]."""
     settings = study.settings.sweep
     if settings is None:
@@ -193,8 +191,8 @@ def _plan(study: Study) -> Grid | LatinHypercube | MonteCarlo:
     if settings.kind == "grid":
         return Grid(factors)
     kind = LatinHypercube if settings.kind == "latin_hypercube" else MonteCarlo
-    samples = _DEFAULT_SAMPLES if settings.samples is None else settings.samples
-    return kind(factors, samples, _DEFAULT_SEED if settings.seed is None else settings.seed)
+    given = {"samples": settings.samples, "seed": settings.seed}
+    return kind(factors, **{name: value for name, value in given.items() if value is not None})
 
 
 def _identity(lean: Study, question: Question, drawn: DrawnVariants) -> dict[str, str]:

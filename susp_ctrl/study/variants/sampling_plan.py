@@ -13,16 +13,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 from susp_ctrl.study.settings.study_file import Study
-from susp_ctrl.study.settings.variation import Factor, Levels, Value, plain_value
+from susp_ctrl.study.settings.variation import Factor, Levels, Tolerance, Value, plain_value
 
-FloatArray = NDArray[np.float64]
-
-KINDS = ("grid", "latin_hypercube", "monte_carlo")
 MOST_VARIANTS = 1_000_000
 _TRIALS = 50  # values of a key that are tried until the study takes one
 
@@ -90,7 +87,31 @@ class Grid:
 
 
 @dataclass(frozen=True, init=False)
-class LatinHypercube:
+class _Sampling:
+    """Samples drawn from one seed: what `LatinHypercube` and `MonteCarlo` share."""
+
+    factors: tuple[Factor, ...]
+    samples: int
+    seed: int
+
+    def __init__(
+        self, factors: Mapping[Any, Any] | Sequence[Factor], samples: int = 100, seed: int = 0
+    ) -> None:
+        checked = {
+            "factors": Factor.all_of(factors),
+            "samples": validation.integer("samples", samples, at_least=1, at_most=MOST_VARIANTS),
+            "seed": validation.integer("seed", seed, at_least=0),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    def _drawn(self, name: str, shares: FloatArray, study: Study) -> DrawnVariants:
+        columns = [factor.spread.at(share) for factor, share in zip(self.factors, shares.T, strict=True)]
+        return _drawn(f"{name}, {self.samples} samples, seed {self.seed}", self.factors, columns, study)
+
+
+@dataclass(frozen=True, init=False)
+class LatinHypercube(_Sampling):
     """Latin hypercube: each factor's range in as many equally likely slices as samples, each used once.
 
     Parameters
@@ -102,52 +123,44 @@ class LatinHypercube:
     seed : int
         The same seed gives the same variants.
 
+    Raises
+    ------
+    InputError
+        No factors or some that share a key; a number of samples or a seed that is none.
+
     References
     ----------
     .. [1] M. D. McKay, R. J. Beckman, W. J. Conover, "A comparison of three methods for selecting values of input
        variables in the analysis of output from a computer code", Technometrics 21, 1979.
     """
 
-    factors: tuple[Factor, ...]
-    samples: int
-    seed: int
-
-    def __init__(
-        self, factors: Mapping[Any, Any] | Sequence[Factor], samples: int = 100, seed: int = 0
-    ) -> None:
-        _set_random(self, factors, samples, seed)
-
     def draw(self, study: Study) -> DrawnVariants:
         """Return the variants."""
         from scipy.stats import qmc  # slow to import, and few studies sweep
 
         hypercube = qmc.LatinHypercube(len(self.factors), seed=np.random.default_rng(self.seed))
-        return _sampled("Latin hypercube", self, hypercube.random(self.samples), study)
+        return self._drawn("Latin hypercube", hypercube.random(self.samples), study)
 
 
 @dataclass(frozen=True, init=False)
-class MonteCarlo:
+class MonteCarlo(_Sampling):
     """Independent random samples; more samples of the same seed keep the first ones.
 
     Parameters
     ----------
     factors, samples, seed
         As of `LatinHypercube`.
+
+    Raises
+    ------
+    InputError
+        As `LatinHypercube`.
     """
-
-    factors: tuple[Factor, ...]
-    samples: int
-    seed: int
-
-    def __init__(
-        self, factors: Mapping[Any, Any] | Sequence[Factor], samples: int = 100, seed: int = 0
-    ) -> None:
-        _set_random(self, factors, samples, seed)
 
     def draw(self, study: Study) -> DrawnVariants:
         """Return the variants."""
         shares = np.random.default_rng(self.seed).random((self.samples, len(self.factors)))
-        return _sampled("Monte Carlo", self, shares, study)
+        return self._drawn("Monte Carlo", shares, study)
 
 
 Plan = Grid | LatinHypercube | MonteCarlo
@@ -161,7 +174,7 @@ def draw_variants(study: Study, grid_or_samples: Any) -> DrawnVariants:
     InputError
         A key that the study does not know, or none of whose values it takes; samples that do not fit together.
     """
-    if isinstance(grid_or_samples, (Grid, LatinHypercube, MonteCarlo)):
+    if isinstance(grid_or_samples, Plan):
         drawn = grid_or_samples.draw(study)
     elif isinstance(grid_or_samples, Mapping):
         drawn = Grid(grid_or_samples).draw(study)
@@ -178,19 +191,6 @@ def draw_variants(study: Study, grid_or_samples: Any) -> DrawnVariants:
         )
     _check_keys(study, drawn)
     return drawn
-
-
-def _set_random(plan: Any, factors: Any, samples: int, seed: int) -> None:
-    object.__setattr__(plan, "factors", Factor.all_of(factors))
-    object.__setattr__(
-        plan, "samples", validation.integer("samples", samples, at_least=1, at_most=MOST_VARIANTS)
-    )
-    object.__setattr__(plan, "seed", validation.integer("seed", seed, at_least=0))
-
-
-def _sampled(name: str, plan: LatinHypercube | MonteCarlo, shares: FloatArray, study: Study) -> DrawnVariants:
-    columns = [factor.spread.at(shares[:, n]) for n, factor in enumerate(plan.factors)]
-    return _drawn(f"{name}, {plan.samples} samples, seed {plan.seed}", plan.factors, columns, study)
 
 
 def _given(samples: Sequence[Any], study: Study) -> DrawnVariants:
@@ -220,13 +220,33 @@ def _drawn(
     *,
     random: bool = True,
 ) -> DrawnVariants:
-    changes = [factor.changes(study, column) for factor, column in zip(factors, columns, strict=True)]
+    changes = [_changes(factor, study, column) for factor, column in zip(factors, columns, strict=True)]
     merged = [
         {key: value for part in parts for key, value in part.items()} for parts in zip(*changes, strict=True)
     ]
     names = [factor.name for factor in factors]
     coordinates = pd.DataFrame(dict(zip(names, map(list, columns), strict=True)), columns=names)
     return DrawnVariants(kind, factors, coordinates, tuple(merged), random)
+
+
+def _changes(factor: Factor, study: Study, values: Sequence[Value]) -> list[dict[str, Value]]:
+    """Return, for every value of a factor, the changes of the study's keys as `Study.with_changes` takes them.
+
+    Raises
+    ------
+    InputError
+        A relative change of a key that is no number in the study, or has no value there.
+    """
+    if not isinstance(factor.spread, Tolerance):
+        return [dict.fromkeys(factor.keys, value) for value in values]
+    own = {key: study.value(key) for key in factor.keys}
+    for key, value in own.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            if value is None:
+                study.with_changes({key: 1.0})  # an unknown key is refused here, with the nearest one
+            is_what = "the study gives it no value" if value is None else f"it is {value!r} in the study"
+            raise InputError(f"{key}: a relative change needs a number, and {is_what}")
+    return [{key: value * (1.0 + float(share)) for key, value in own.items()} for share in values]
 
 
 def _check_keys(study: Study, drawn: DrawnVariants) -> None:

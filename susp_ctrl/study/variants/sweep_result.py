@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ import pandas as pd
 
 from susp_ctrl import validation
 from susp_ctrl.errors import InputError
+from susp_ctrl.study.results.delay_stability import VERDICTS
 from susp_ctrl.study.settings.variants import AT_LEAST
 from susp_ctrl.study.variants.sweep_summary import (
     HeatMap,
@@ -76,7 +77,7 @@ class SweepResult:
     outputs: tuple[str, ...]
     random: bool
     relative: tuple[str, ...] = ()
-    folder: Path | None = field(default=None)
+    folder: Path | None = None
 
     @property
     def designs(self) -> list[str]:
@@ -184,7 +185,7 @@ class SweepResult:
         InputError
             Something that does not exist; the nearest name is given.
         """
-        from susp_ctrl.plotting import draw_distribution, draw_sensitivity
+        from susp_ctrl.plotting import draw_distribution, draw_sensitivity  # loads matplotlib
 
         kind = validation.one_of("kind", kind, _KINDS)
         indicator = validation.one_of("indicator", indicator, self.indicators)
@@ -203,8 +204,7 @@ class SweepResult:
                 xlabel=f"{indicator} ({unit})" if unit else indicator,
             )  # fmt: skip
         chosen = chosen or self.designs[0]
-        part = self.sensitivity
-        part = part[(part["design"] == chosen) & (part["indicator"] == indicator)]
+        part = self._factors_of(indicator, chosen)
         return draw_sensitivity(
             dict(zip(part["factor"], part["share"], strict=True)),
             dict(zip(part["factor"], part["spearman"], strict=True)),
@@ -216,11 +216,12 @@ class SweepResult:
     def _values(self, table: pd.DataFrame, design: str, indicator: str) -> np.ndarray:
         return table.loc[table["design"] == design, indicator].to_numpy(dtype=float)
 
+    def _factors_of(self, indicator: str, design: str) -> pd.DataFrame:
+        """Return the ranked factors for one indicator of one design; no row where no variant has a value."""
+        return self.sensitivity.query("design == @design and indicator == @indicator")
+
     def _ranked(self, indicator: str, design: str) -> list[str]:
-        part = self.sensitivity
-        part = part[(part["design"] == design) & (part["indicator"] == indicator)]
-        found: list[str] = part["factor"].tolist()
-        return found or self.factors
+        return self._factors_of(indicator, design)["factor"].tolist() or self.factors
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -235,7 +236,7 @@ class SweepResult:
 
     def figures(self) -> dict[str, Figure]:
         """Draw the figures that `save` writes, by name."""
-        from susp_ctrl.plotting import new_figure
+        from susp_ctrl.plotting import new_figure  # loads matplotlib
 
         drawn: dict[str, Figure] = {}
 
@@ -246,8 +247,7 @@ class SweepResult:
 
         add("distribution_J", "distribution", 2.9)
         for design in self.designs:
-            ranked = self.sensitivity[(self.sensitivity["design"] == design)]
-            if not (ranked["indicator"] == "J").any():
+            if self._factors_of("J", design).empty:
                 continue  # no variant of it is stable
             add(f"sensitivity_{design}", "sensitivity", 0.9 + 0.3 * len(self.factors), design)
             if len(self.factors) > 1:
@@ -271,7 +271,7 @@ class SweepResult:
         OSError
             The file system refuses; no file is half-written.
         """
-        from susp_ctrl.plotting import save_figure
+        from susp_ctrl.plotting import save_figure  # loads matplotlib
 
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
@@ -286,9 +286,7 @@ class SweepResult:
     def __str__(self) -> str:
         lines = [f"{self.title}: {self.plan}"]
         for row in self.yields.to_dict("records"):
-            counts = ", ".join(
-                f"{row[word]} {word}" for word in ("stable", "unstable", "undecided", "failed")
-            )
+            counts = ", ".join(f"{row[word]} {word}" for word in (*VERDICTS.values(), "failed"))
             lines.append(
                 f"  {row['design']}: {row['within_limits']} of {row['variants']} variants "
                 f"({100.0 * row['yield']:.1f} %) are stable and within limits; {counts}"
@@ -302,9 +300,8 @@ class SweepResult:
         """Show the summary in a notebook."""
         parts = [f"<h3>{html.escape(self.title)}</h3><p>{html.escape(self.plan)}</p>"]
         for name in ("yields", "percentiles", "sensitivity"):
-            parts.append(
-                f"<details open><summary>{name}</summary>{self.tables[name].to_html(index=False)}</details>"
-            )
+            table = self.tables[name].to_html(index=False)
+            parts.append(f"<details open><summary>{name}</summary>{table}</details>")
         return "\n".join(parts)
 
 

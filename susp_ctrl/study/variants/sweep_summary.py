@@ -27,12 +27,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from susp_ctrl.arrays import FloatArray
+from susp_ctrl.study.results.delay_stability import VERDICTS
 from susp_ctrl.study.settings.variants import AT_LEAST
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-FloatArray = NDArray[np.float64]
 
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 _GROUPS = 10
@@ -71,7 +71,7 @@ class HeatMap:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the map and return the axes."""
-        from susp_ctrl.plotting import draw_heat_map
+        from susp_ctrl.plotting import draw_heat_map  # loads matplotlib
 
         unit = f" ({self.unit})" if self.unit else ""
         return draw_heat_map(
@@ -150,13 +150,13 @@ def yield_table(table: pd.DataFrame, limits: Mapping[str, float]) -> pd.DataFram
         low, high = wilson_interval(good, total)
         stable = part[part["verdict"] == "stable"]
         broken = {name: int((~within_limits(stable, {name: limit})).sum()) for name, limit in limits.items()}
-        words = part["verdict"]
+        verdicts: dict[str, int] = {w: int((part["verdict"] == w).sum()) for w in VERDICTS.values()}
         rows.append(
             {
                 "design": design,
                 "variants": total,
                 "failed": int((part["error"] != "").sum()),
-                **{word: int((words == word).sum()) for word in ("stable", "unstable", "undecided")},
+                **verdicts,
                 "within_limits": good,
                 "yield": good / total,
                 "yield_from": low,
@@ -209,18 +209,7 @@ def sensitivity_table(
                 share, change = _share(y[valid], group, random)
                 found.append((name, share, _spearman(numeric, y[valid]), change))
             found.sort(key=lambda entry: -entry[1] if np.isfinite(entry[1]) else np.inf)
-            rows += [
-                {
-                    "design": design,
-                    "indicator": indicator,
-                    "rank": rank,
-                    "factor": name,
-                    "share": share,
-                    "spearman": spearman,
-                    "low_to_high": change,
-                }
-                for rank, (name, share, spearman, change) in enumerate(found, 1)
-            ]
+            rows += [(design, indicator, rank, *entry) for rank, entry in enumerate(found, 1)]
     columns = ["design", "indicator", "rank", "factor", "share", "spearman", "low_to_high"]
     return pd.DataFrame(rows, columns=columns)
 

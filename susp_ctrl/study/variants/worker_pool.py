@@ -153,11 +153,14 @@ class _Crew(threading.Thread):
         return self._lost(task, reason)
 
     def _ask(self, task: Any) -> Any:
-        process = self._process or self._start()
+        return self._exchange(self._process or self._start(), pickle.dumps(task))
+
+    def _exchange(self, process: subprocess.Popen[bytes], sent: bytes) -> Any:
+        """Send one pickle to the process and return what it answers."""
         assert process.stdin is not None
         assert process.stdout is not None
         try:
-            pickle.dump(task, process.stdin)
+            process.stdin.write(sent)
             process.stdin.flush()
             return pickle.load(process.stdout)
         except (EOFError, OSError, pickle.UnpicklingError):
@@ -175,18 +178,11 @@ class _Crew(threading.Thread):
         self._process = process
         if self._stop_asked.is_set():
             self.kill()
-        assert process.stdin is not None
-        assert process.stdout is not None
-        try:
-            process.stdin.write(self._program)
-            process.stdin.flush()
-            ready = pickle.load(process.stdout)
-        except (EOFError, OSError, pickle.UnpicklingError):
-            ready = None
-        if ready != READY:
-            self.kill()
-            raise OSError(f"a worker process could not be started ({_ending(process)})")
-        return process
+        with suppress(WorkerDiedError):
+            if self._exchange(process, self._program) == READY:
+                return process
+        self.kill()
+        raise OSError(f"a worker process could not be started ({_ending(process)})")
 
     def kill(self) -> None:
         """End the process, if there is one."""

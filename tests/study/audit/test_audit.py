@@ -282,8 +282,3 @@ def test_printed_numbers(text, value, half_digit):
 def test_verdict_by_last_digit_or_tolerance(text, computed, verdict):
     assert compared("item", "where", text, computed, "", 0.005, "").verdict == verdict
     assert agrees(printed_number(text), computed, 0.005) == (verdict == REPRODUCED)
-
-
-def test_an_explanation_counts_only_where_the_number_disagrees():
-    assert compared("i", "w", "1.0", 1.0, "", 0.005, "", explanation="a misprint").verdict == REPRODUCED
-    assert compared("i", "w", "1.0", 2.0, "", 0.005, "", explanation="a misprint").verdict == EXPLAINED

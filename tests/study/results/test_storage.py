@@ -9,6 +9,7 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pandas as pd
 import pytest
+from map_case import map_case
 
 import susp_ctrl as sc
 from susp_ctrl.study.results.storage import RESULTS, read_run, write_run
@@ -54,6 +55,13 @@ def test_a_whole_run_comes_back_to_the_last_bit(small_run, tmp_path):
     assert_same(run, read_run(tmp_path / RESULTS))
 
 
+def test_stability_maps_come_back(small_run, tmp_path):
+    maps = (map_case("random_published"), map_case("random_published", key="gains", gain=True))
+    run = replace(small_run, stability_maps=maps)
+    write_run(run, tmp_path / RESULTS)
+    assert_same(run, read_run(tmp_path))
+
+
 def test_infinite_and_missing_numbers_come_back(small_run, tmp_path):
     stability = small_run.stability
     line = replace(stability.lines[0], delay_margin=np.inf, tau_of_design=None, up_to=float("nan"))
@@ -94,7 +102,14 @@ def test_a_file_from_elsewhere_runs_no_code(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "run", [{"is": "Popen", "value": {}}, {"is": "StudyRun", "value": {"old": 1}}, 3, None]
+    "run",
+    [
+        {"is": "Popen", "value": {}},
+        {"is": "StudySettings", "value": {}},
+        {"is": "StudyRun", "value": {"old": 1}},
+        3,
+        None,
+    ],
 )
 def test_another_form_names_the_version_that_wrote_it(tmp_path, run):
     text = json.dumps({"susp_ctrl": "9.9", "run": run}).encode()

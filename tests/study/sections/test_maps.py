@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
 import collocation
+import numpy as np
 import oracles
 import pytest
 
@@ -204,9 +204,9 @@ def test_responses_of_the_explorer_equal_an_independent_simulation(explorer, row
     delays = explorer.x_values[column], explorer.y_values[row]
     road = sc.BumpRoad(0.05, 1.0, 20.0)
     inputs = road.inputs({"road_front": 0.0, "road_rear": 2.76 / 20.0})
-    exact = collocation.simulate(
-        loop((5.5 * 19345, 5.5 * 26150), delays), explorer.timepts, inputs
-    ).outputs[0]
+    exact = collocation.simulate(loop((5.5 * 19345, 5.5 * 26150), delays), explorer.timepts, inputs).outputs[
+        0
+    ]
     assert abs(explorer.responses[row, column] - exact).max() < 2e-4 * abs(exact).max()
     passive = sc.simulate(loop((0.0, 0.0), (0.1, 0.1)), explorer.timepts, inputs).outputs[0]
     assert abs(explorer.passive - passive).max() < 2e-4 * abs(passive).max()

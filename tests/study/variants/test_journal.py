@@ -173,7 +173,8 @@ def wait_for(condition, seconds=90.0):
 
 @pytest.mark.end_to_end
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
-def test_a_killed_sweep_loses_nothing_and_leaves_no_process_behind(tmp_path):
+@pytest.mark.parametrize("kills", [(7,), pytest.param((4, 11), marks=pytest.mark.slow)])
+def test_a_killed_sweep_loses_nothing_and_leaves_no_process_behind(tmp_path, kills):
     # The pause holds the sweep up between two variants, so that there is time to kill it.
     program = (
         "import sys, time; from study.variants.sweep_case import small_sweep; "
@@ -182,7 +183,7 @@ def test_a_killed_sweep_loses_nothing_and_leaves_no_process_behind(tmp_path):
     environment = {**os.environ, "PYTHONPATH": str(TESTS)}
     killed = tmp_path / "killed"
     journal = killed / JOURNAL
-    for target in (4, 11):  # killed twice, at whatever moment it then is
+    for target in kills:  # at whatever moment it then is
         process = subprocess.Popen([sys.executable, "-c", program, str(killed)], env=environment)
         wait_for(lambda pid=process.pid: len(children(pid)) == 2)
         workers = children(process.pid)
