@@ -34,4 +34,4 @@ from susp_ctrl.delay_systems.roots import (
     spectral_abscissa,
 )
 from susp_ctrl.delay_systems.simulation import SimulationResponse, simulate, simulate_many, steady_response
-from susp_ctrl.delay_systems.verdict import VERDICT_WORDS, StabilityVerdict, stability
+from susp_ctrl.delay_systems.verdict import VERDICT_WORDS, StabilityVerdict, VerdictWord, stability

@@ -79,12 +79,13 @@ def loop_plant(plant: Any, channels: FeedbackChannel | Sequence[FeedbackChannel]
     for channel in _checked(channels):
         y = validation.signal_index("measured", channel.measured, base.output_labels)
         u = validation.signal_index("actuator", channel.actuator, base.input_labels)
-        if channel.actuator_bandwidth is None:
-            into = (r.B1[:, [u]], r.D11[:, [u]], r.D21[:, [u]])
-        else:
+        column = r.matrix[:, r.n_states + u]
+        if channel.actuator_bandwidth is not None:
             r = _add_lag(r, u, channel.actuator_bandwidth)
-            into = (np.eye(r.n_states)[:, [-1]] * channel.actuator_bandwidth, *_zero_columns(r))
-        r = _add_channel(r, y, into)
+            column = np.eye(r.matrix.shape[0])[r.n_states - 1] * channel.actuator_bandwidth
+        widened = np.column_stack([r.matrix, column])
+        # z is the measured output, w enters as the actuator does
+        r = r.rebuilt(np.vstack([widened, widened[r.n_states + y]]))
     return r
 
 
@@ -216,37 +217,9 @@ def _checked(channels: FeedbackChannel | Sequence[FeedbackChannel]) -> list[Feed
     return paths
 
 
-def _zero_columns(r: Realization) -> tuple[np.ndarray, np.ndarray]:
-    return np.zeros((r.n_outputs, 1)), np.zeros((r.n_channels, 1))
-
-
-def _add_channel(r: Realization, y: int, into: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Realization:
-    """Append z = y-th output and w entering through the given columns of B, D1 and D2."""
-    to_state, to_output, to_delayed = into
-    return Realization(
-        A=r.A,
-        B1=r.B1,
-        B2=np.hstack([r.B2, to_state]),
-        C1=r.C1,
-        C2=np.vstack([r.C2, r.C1[[y]]]),
-        D11=r.D11,
-        D12=np.hstack([r.D12, to_output]),
-        D21=np.vstack([r.D21, r.D11[[y]]]),
-        D22=np.block([[r.D22, to_delayed], [r.D12[[y]], to_output[[y]]]]),
-    )
-
-
 def _add_lag(r: Realization, u: int, bandwidth: float) -> Realization:
     """Append the state of a first-order actuator that drives input `u`."""
     n = r.n_states
-    return Realization(
-        A=np.block([[r.A, r.B1[:, [u]]], [np.zeros((1, n)), np.array([[-bandwidth]])]]),
-        B1=np.vstack([r.B1, np.zeros((1, r.n_inputs))]),
-        B2=np.vstack([r.B2, np.zeros((1, r.n_channels))]),
-        C1=np.hstack([r.C1, r.D11[:, [u]]]),
-        C2=np.hstack([r.C2, r.D21[:, [u]]]),
-        D11=r.D11,
-        D12=r.D12,
-        D21=r.D21,
-        D22=r.D22,
-    )
+    widened = np.insert(r.matrix, n, r.matrix[:, n + u], axis=1)
+    whole = np.insert(widened, n, -bandwidth * np.eye(widened.shape[1])[n], axis=0)
+    return Realization.from_matrix(whole, n + 1, r.n_outputs, r.n_inputs)

@@ -19,7 +19,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 
@@ -39,7 +39,8 @@ from susp_ctrl.delay_systems.roots import (
 )
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
-VERDICT_WORDS = {True: "stable", False: "unstable", None: "undecided"}
+VerdictWord = Literal["stable", "unstable", "undecided"]
+VERDICT_WORDS: Mapping[bool | None, VerdictWord] = {True: "stable", False: "unstable", None: "undecided"}
 """What the three answers are called wherever they are told."""
 
 ROOTS, ARGUMENT, SWEEP = "roots", "argument principle", "sweep"

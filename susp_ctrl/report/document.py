@@ -16,7 +16,7 @@ from typing import Any, assert_never
 
 from susp_ctrl.report.blocks import Block, Box, Equations, Figure, Heading, Section, Table, Text
 from susp_ctrl.report.formatting import prose, sentence
-from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results import StudyRun
 
 DATA_FILE = "report.json"
 _WHOLE_ROWS = 16  # tables up to this length are not broken over pages

@@ -19,7 +19,7 @@ from susp_ctrl.plotting import map_legend, map_picture
 from susp_ctrl.report.document import asset
 from susp_ctrl.report.formatting import prose, signal_text, symbol_text, unit_text, with_unit
 from susp_ctrl.report.sections.maps import axis_label, axis_scale
-from susp_ctrl.study.results.maps import MapExplorer
+from susp_ctrl.study.results import MapExplorer
 
 _DIGITS = np.frombuffer(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_", dtype=np.uint8)
 _HALF = 2047  # steps from 0 to the peak: far finer than a screen

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from susp_ctrl.plotting import curve_style
-from susp_ctrl.study.results.study_run import Design, StudyRun
+from susp_ctrl.study.results import Design, StudyRun
 
 # Numbers of susp_ctrl.plotting.curve_style by preference: passive black dashed, published broken lines, tuned solid
 # lines; a design whose preferred looks are taken gets one that is still free.

@@ -16,8 +16,7 @@ from susp_ctrl.report.document import equations_svg, footer, is_shown, opening
 from susp_ctrl.report.explorer import explorer_html, explorer_script, filled
 from susp_ctrl.report.formatting import prose, sentence
 from susp_ctrl.report.sections.maps import figure_key
-from susp_ctrl.study.results.maps import MapExplorer
-from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results import MapExplorer, StudyRun
 
 _TOOLS = (
     '<span class="tools"><button>+</button><button>−</button><button title="whole plot">⟲</button></span>'

@@ -21,10 +21,8 @@ from susp_ctrl.report.saving import MANIFEST, replacing, write_manifest
 from susp_ctrl.report.sections import sections_of
 from susp_ctrl.report.sections.provenance import all_versions
 from susp_ctrl.study import Study
-from susp_ctrl.study.results.maps import MapExplorer
-from susp_ctrl.study.results.storage import RESULTS, write_run
-from susp_ctrl.study.results.study_run import StudyRun
-from susp_ctrl.study.sections.map_explorer import map_explorers
+from susp_ctrl.study.results import RESULTS, MapExplorer, StudyRun, write_run
+from susp_ctrl.study.sections import map_explorers
 
 Progress = Callable[[str, float], None]
 

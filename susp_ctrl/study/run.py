@@ -14,22 +14,28 @@ import pandas as pd
 
 from susp_ctrl import __version__, validation
 from susp_ctrl.ride import signal_unit
-from susp_ctrl.study.audit.audit import Computed, audit_section
-from susp_ctrl.study.results.maps import StabilityMapCase
-from susp_ctrl.study.results.pade import PadeCase
-from susp_ctrl.study.results.study_run import Provenance, StudyRun, VehicleSection
-from susp_ctrl.study.sections.delay_stability import stability_section
-from susp_ctrl.study.sections.frequency import frequency_section
-from susp_ctrl.study.sections.headlines import headlines
-from susp_ctrl.study.sections.maps import stability_maps
-from susp_ctrl.study.sections.pade import pade_case, pade_verdicts
-from susp_ctrl.study.sections.time import time_case
-from susp_ctrl.study.sections.tuning import tuning_run
-from susp_ctrl.study.sections.workbench import Report, Workbench
-from susp_ctrl.study.settings.simulation import PadeSettings
-from susp_ctrl.study.settings.study import StudySettings
-from susp_ctrl.study.settings.study_file import Study
-from susp_ctrl.study.settings.vehicle import PAPER_SYMBOLS, parameter_unit, readable
+from susp_ctrl.study.audit import Computed, audit_section
+from susp_ctrl.study.results import PadeCase, Provenance, StabilityMapCase, StudyRun, VehicleSection
+from susp_ctrl.study.sections import (
+    Report,
+    Workbench,
+    frequency_section,
+    headlines,
+    pade_case,
+    pade_verdicts,
+    stability_maps,
+    stability_section,
+    time_case,
+    tuning_run,
+)
+from susp_ctrl.study.settings import (
+    PAPER_SYMBOLS,
+    PadeSettings,
+    Study,
+    StudySettings,
+    parameter_unit,
+    readable,
+)
 from susp_ctrl.vehicle import HalfCar
 
 Progress = Callable[[str, float], None]

@@ -51,6 +51,15 @@ class Axis:
         return self.kind == "delay"
 
 
+def turns_in_range(
+    axis: Axis, w0: FloatArray, w1: FloatArray, a: FloatArray, b: FloatArray
+) -> tuple[FloatArray, np.ndarray]:
+    """Return the first turn that puts the delay of angles a to b at w0 to w1 into the range, and how many do."""
+    first = np.ceil((axis.low * np.minimum(w0, w1) - np.maximum(a, b)) / (2.0 * np.pi))
+    last = np.floor((axis.high * np.maximum(w0, w1) - np.minimum(a, b)) / (2.0 * np.pi))
+    return first, np.maximum(last - first + 1, 0).astype(int)
+
+
 class _Circle(NamedTuple):
     """``A g^2 + 2 b g + C = 0`` with discriminant ``reach^2 - off^2``.
 

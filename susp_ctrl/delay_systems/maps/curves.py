@@ -11,9 +11,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import elementwise
 
-from susp_ctrl.arrays import FloatArray
+from susp_ctrl.arrays import FloatArray, numbered
 from susp_ctrl.delay_systems.crossings import Bands, small_gain_bands
-from susp_ctrl.delay_systems.maps.crossing_plane import Axis, CrossingPlane
+from susp_ctrl.delay_systems.maps.crossing_plane import Axis, CrossingPlane, turns_in_range
 from susp_ctrl.delay_systems.maps.segments import Segments
 from susp_ctrl.delay_systems.model import CharacteristicMatrix, around_resonances
 
@@ -220,20 +220,15 @@ def _repeated(
     columns: list[np.ndarray] = []
     for axis, (a, b) in zip((plane.x, plane.y), ends, strict=True):
         if axis.is_delay:
-            lowest = np.minimum(axis.low * np.minimum(w0, w1), axis.low * np.maximum(w0, w1))
-            first_turn = np.ceil((lowest - np.maximum(a, b))[index] / (2.0 * np.pi))
-            last_turn = np.floor((axis.high * np.maximum(w0, w1) - np.minimum(a, b))[index] / (2.0 * np.pi))
-            repeats = np.maximum(last_turn - first_turn + 1, 0).astype(int)
+            first_turn, repeats = turns_in_range(axis, w0[index], w1[index], a[index], b[index])
         else:
             span = 2.0 * (axis.high - axis.low)
             near = (np.minimum(a, b) < axis.high + span) & (np.maximum(a, b) > axis.low - span)
             # From one side of the range to the other in one step only through infinity.
             near &= ~((np.minimum(a, b) < axis.low) & (np.maximum(a, b) > axis.high))
             first_turn, repeats = np.zeros(index.size), near[index].astype(int)
-        columns = [np.repeat(column, repeats) for column in columns]
-        start = np.cumsum(repeats) - repeats
-        turn = np.repeat(first_turn, repeats) + np.arange(repeats.sum()) - np.repeat(start, repeats)
-        index = np.repeat(index, repeats)
+        owner, number = numbered(repeats)
+        columns, index, turn = [column[owner] for column in columns], index[owner], first_turn[owner] + number
         if axis.is_delay:
             columns += [
                 (a[index] + 2.0 * np.pi * turn) / w0[index],

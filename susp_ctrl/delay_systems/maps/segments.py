@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 import scipy.spatial
 
-from susp_ctrl.arrays import FloatArray
+from susp_ctrl.arrays import FloatArray, numbered
 
 _BINS = 1024
 
@@ -75,8 +75,8 @@ class Segments:
         last = np.clip(np.searchsorted(edges, high, side="right") - 1, 0, _BINS - 1)
         # Spread each segment over the bins it meets.
         spans = last - first + 1
-        owner = np.repeat(np.arange(self.count), spans)
-        bins = np.repeat(first, spans) + np.arange(spans.sum()) - np.repeat(np.cumsum(spans) - spans, spans)
+        owner, copy = numbered(spans)
+        bins = first[owner] + copy
         by_bin = np.argsort(bins, kind="stable")
         owner, limits = owner[by_bin], np.searchsorted(bins[by_bin], np.arange(_BINS + 1))
         for k in np.flatnonzero(np.diff(bounds)):
@@ -112,10 +112,9 @@ class Segments:
         extent = float(np.ptp(np.concatenate([self.start, self.end]), axis=0).max())
         limit = max(float(np.median(length)), extent / 400.0)
         parts = np.maximum(np.ceil(length / limit).astype(int), 1)
-        number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-        share = (number / np.repeat(parts, parts))[:, None]
-        start, step = np.repeat(self.start, parts, axis=0), np.repeat((self.end - self.start), parts, axis=0)
-        a, b = start + share * step, start + (share + 1.0 / np.repeat(parts, parts)[:, None]) * step
+        owner, number = numbered(parts)
+        start, step = self.start[owner], (self.end - self.start)[owner] / parts[owner, None]
+        a, b = start + number[:, None] * step, start + (number[:, None] + 1.0) * step
         return scipy.spatial.cKDTree(0.5 * (a + b)), a, b, limit
 
     def distance(self, points: FloatArray) -> FloatArray:

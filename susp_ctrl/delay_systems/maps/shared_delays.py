@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from susp_ctrl.arrays import ComplexArray, FloatArray
+from susp_ctrl.arrays import ComplexArray, FloatArray, numbered
 from susp_ctrl.delay_systems.crossings import small_gain_bands
-from susp_ctrl.delay_systems.maps.crossing_plane import Axis
+from susp_ctrl.delay_systems.maps.crossing_plane import Axis, turns_in_range
 from susp_ctrl.delay_systems.maps.segments import Segments
 from susp_ctrl.delay_systems.model import CharacteristicMatrix
 
@@ -152,13 +152,10 @@ def _unrolled(blocks: _Blocks, points: FloatArray, pairs: np.ndarray, x: Axis, y
     index = np.arange(len(a))
     for place, axis in ((1, x), (2, y)):
         w0, w1, u, v = a[index, 0], b[index, 0], a[index, place], b[index, place]
-        first = np.ceil((axis.low * np.minimum(w0, w1) - np.maximum(u, v)) / (2.0 * np.pi))
-        last = np.floor((axis.high * np.maximum(w0, w1) - np.minimum(u, v)) / (2.0 * np.pi))
-        repeats = np.maximum(last - first + 1, 0).astype(int)
-        columns = [np.repeat(column, repeats) for column in columns]
-        begin = np.repeat(np.cumsum(repeats) - repeats, repeats)
-        turn = 2.0 * np.pi * (np.repeat(first, repeats) + np.arange(repeats.sum()) - begin)
-        index = np.repeat(index, repeats)
+        first, repeats = turns_in_range(axis, w0, w1, u, v)
+        owner, number = numbered(repeats)
+        columns, index = [column[owner] for column in columns], index[owner]
+        turn = 2.0 * np.pi * (first[owner] + number)
         columns += [(a[index, place] + turn) / a[index, 0], (b[index, place] + turn) / b[index, 0]]
     return Segments(
         np.column_stack([columns[0], columns[2]]), np.column_stack([columns[1], columns[3]]),

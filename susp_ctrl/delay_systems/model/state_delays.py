@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
@@ -77,19 +78,13 @@ def state_delay_realization(
     factors = [_rank_factors(m) for m in matrices[1:]]
     input_factors = [_rank_factors(Bj) for Bj, _ in delayed_inputs]
     widths = tuple(U.shape[1] for U, _ in (*factors, *input_factors))
-    state_channels = sum(U.shape[1] for U, _ in factors)
-    channels = sum(widths)
-    realization = Realization(
-        A=matrices[0],
-        B1=B1,
-        B2=np.hstack([np.zeros((n, 0)), *(U for U, _ in factors), *(U for U, _ in input_factors)]),
-        C1=C1,
-        C2=np.vstack([np.zeros((0, n)), *(V for _, V in factors), np.zeros((channels - state_channels, n))]),
-        D11=D11,
-        D12=np.zeros((C1.shape[0], channels)),
-        D21=np.vstack([np.zeros((state_channels, q)), *(V for _, V in input_factors)]),
-        D22=np.zeros((channels, channels)),
-    )
+    into = np.hstack([np.zeros((n, 0)), *(U for U, _ in (*factors, *input_factors))])
+    from_state = np.vstack([np.zeros((0, n)), *(V for _, V in factors)])
+    from_input = np.vstack([np.zeros((0, q)), *(V for _, V in input_factors)])
+    direct = np.zeros((C1.shape[0], into.shape[1]))
+    out = scipy.linalg.block_diag(from_state, from_input)
+    whole = np.block([[matrices[0], B1, into], [C1, D11, direct], [out, np.zeros((into.shape[1],) * 2)]])
+    realization = Realization.from_matrix(whole, n, C1.shape[0], q)
     return realization, np.append(tau, [d for _, d in delayed_inputs]), widths
 
 

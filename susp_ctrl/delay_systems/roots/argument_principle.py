@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from susp_ctrl import validation
-from susp_ctrl.arrays import FloatArray
+from susp_ctrl.arrays import FloatArray, numbered
 from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem, Points, perron_bound
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
@@ -175,9 +175,8 @@ def _phase_along_axis(K: CharacteristicMatrix, top: float, most_points: int) -> 
         parts = np.clip(np.ceil(radius[~done] / (0.7 * _RADIUS)), 2, 8).astype(int)
         if evaluated + parts.sum() > most_points:
             raise ContourError(float(lower[~done][0]), f"more than {most_points} steps would be needed")
-        width = np.repeat((upper - lower)[~done] / parts, parts)
-        start = np.repeat(lower[~done], parts)
-        number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+        owner, number = numbered(parts)
+        width, start = ((upper - lower)[~done] / parts)[owner], lower[~done][owner]
         lower, upper = start + number * width, start + (number + 1) * width
         points.append(lower)
     omega = np.unique(np.concatenate(points))

@@ -34,6 +34,18 @@ class SimulationResponse(control.TimeResponseData):
     past: Any
 
 
+def names_of(system: DelaySystem) -> dict[str, Any]:
+    """Return what a `control.TimeResponseData` has to know of its system."""
+    return {
+        "issiso": system.noutputs == 1 and system.ninputs <= 1,
+        "output_labels": system.output_labels,
+        "state_labels": system.state_labels,
+        "input_labels": system.input_labels if system.ninputs else None,
+        "sysname": system.name,
+        "plot_inputs": False,
+    }
+
+
 def simulation_response(
     system: DelaySystem, times: FloatArray, run: Run, method: str, order: Any, rtol: float, case: int = 0
 ) -> SimulationResponse:
@@ -43,12 +55,7 @@ def simulation_response(
         run.outputs[:, :, case],
         run.states[:, :, case],
         run.inputs[:, :, case] if system.ninputs else None,
-        issiso=system.noutputs == 1 and system.ninputs <= 1,
-        output_labels=system.output_labels,
-        state_labels=system.state_labels,
-        input_labels=system.input_labels if system.ninputs else None,
-        sysname=system.name,
-        plot_inputs=False,
+        **names_of(system),
     )
     response.error_estimate = run.error[:, case]
     response.method, response.order, response.past = method, order, run.past.case(case)

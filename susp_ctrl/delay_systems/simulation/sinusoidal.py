@@ -17,6 +17,7 @@ from susp_ctrl import validation
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.integrators import Inputs, as_inputs
 from susp_ctrl.delay_systems.model import DelaySystem, loop_response
+from susp_ctrl.delay_systems.simulation.simulation_response import names_of
 from susp_ctrl.delay_systems.verdict import stability
 from susp_ctrl.errors import InputError, UnstableSystemError
 
@@ -80,12 +81,7 @@ def steady_response(sys: Any, timepts: ArrayLike, inputs: Any) -> control.TimeRe
         values[:p],
         values[p : p + n],
         values[p + n :] if system.ninputs else None,
-        issiso=system.noutputs == 1 and system.ninputs <= 1,
-        output_labels=system.output_labels,
-        state_labels=system.state_labels,
-        input_labels=system.input_labels if system.ninputs else None,
-        sysname=system.name,
-        plot_inputs=False,
+        **names_of(system),
     )
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.model import DelaySystem, Realization
+from susp_ctrl.delay_systems.model import DelaySystem
 from susp_ctrl.delay_systems.roots import characteristic_roots
 from susp_ctrl.delay_systems.simulation.time_response import simulate
 
@@ -64,19 +64,14 @@ def derivative(sys: DelaySystem) -> DelaySystem:
     ``y' = C1 x' + D12 w'``, where ``x' = A x + B1 u + B2 w``.
     """
     r = sys.realization
-    m = r.n_channels
-    zero = np.zeros((m, m))
-    realization = Realization(
-        A=r.A,
-        B1=r.B1,
-        B2=np.hstack([r.B2, np.zeros((r.n_states, m))]),
-        C1=r.C1 @ r.A,
-        C2=np.vstack([r.C2, r.C2 @ r.A]),
-        D11=r.C1 @ r.B1,
-        D12=np.hstack([r.C1 @ r.B2, r.D12]),
-        D21=np.vstack([r.D21, r.C2 @ r.B1]),
-        D22=np.block([[r.D22, zero], [r.C2 @ r.B2, r.D22]]),
-    )
+    slope, zero = r.matrix[: r.n_states], np.zeros((r.n_states + r.n_channels, r.n_channels))
+    whole = np.block([
+        [slope, zero[: r.n_states]],
+        [r.C1 @ slope, r.D12],
+        [r.matrix[r.n_states + r.n_outputs :], zero[r.n_states :]],
+        [r.C2 @ slope, r.D22],
+    ])  # fmt: skip
+    realization = r.rebuilt(whole)
     labels = {"inputs": sys.input_labels, "outputs": sys.output_labels, "states": sys.state_labels}
     return DelaySystem(realization, np.tile(sys.delays, 2), np.tile(sys.gains, 2), sys.widths * 2, **labels)
 

@@ -114,10 +114,8 @@ def simulate(
     .. [1] A. Bellen, M. Zennaro, "Numerical Methods for Delay Differential Equations", Oxford, 2003, chapter 3.
     """
     system = DelaySystem.of(sys, "sys")
-    times = validation.increasing("timepts", timepts, at_least=0.0)
     validation.one_of("method", method, _METHODS)
-    validation.one_of("hold", hold, ("linear", "zero"))
-    validation.number("rtol", rtol, at_least=1e-13, at_most=1e-2)
+    times = _checked_times(timepts, hold, rtol)
     signals = as_inputs(inputs, system.input_labels, times, hold, breakpoints)
     if method != "exact":
         if history is not None:
@@ -190,9 +188,7 @@ def simulate_many(
             )
     if isinstance(history, SimulationResponse):
         raise InputError("history is a response: continue runs one by one with simulate")
-    times = validation.increasing("timepts", timepts, at_least=0.0)
-    validation.one_of("hold", hold, ("linear", "zero"))
-    validation.number("rtol", rtol, at_least=1e-13, at_most=1e-2)
+    times = _checked_times(timepts, hold, rtol)
     models = models * (cases if len(models) == 1 else 1)
     loads = loads * (cases if len(loads) == 1 else 1)
     groups: dict[int, list[int]] = {}
@@ -214,6 +210,12 @@ def simulate_many(
             for j, k in enumerate(some):
                 responses[k] = simulation_response(system, times, run, "exact", None, rtol, j)
     return [responses[k] for k in range(cases)]
+
+
+def _checked_times(timepts: ArrayLike, hold: str, rtol: float) -> FloatArray:
+    validation.one_of("hold", hold, ("linear", "zero"))
+    validation.number("rtol", rtol, at_least=1e-13, at_most=1e-2)
+    return validation.increasing("timepts", timepts, at_least=0.0)
 
 
 def _approximated(system: DelaySystem, method: str, order: Any, signals: Inputs) -> tuple[DelaySystem, Any]:

@@ -12,7 +12,7 @@ from susp_ctrl.report.sections.provenance import provenance_section
 from susp_ctrl.report.sections.time import time_sections
 from susp_ctrl.report.sections.tuning import tuning_section
 from susp_ctrl.report.sections.vehicle import model_section, parameters_section
-from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results import StudyRun
 
 
 def sections_of(run: StudyRun) -> tuple[Section, ...]:

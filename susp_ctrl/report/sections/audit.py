@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from susp_ctrl.report.blocks import Block, Column, Section, Table, Text
 from susp_ctrl.report.formatting import grouped, prose
-from susp_ctrl.study.results.study_run import AuditSection, StudyRun
+from susp_ctrl.study.results import AuditSection, StudyRun
 
 _LONGEST = 11
 _SIGNS = {

@@ -14,8 +14,7 @@ from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
 from susp_ctrl.report.formatting import capital, exact_text, number_text, symbol_text
 from susp_ctrl.report.looks import labels
-from susp_ctrl.study.results.delay_stability import DelayIndependence, DelayLine, StabilitySection
-from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results import DelayIndependence, DelayLine, StabilitySection, StudyRun
 
 
 def stability_section(run: StudyRun) -> Section | None:

@@ -13,7 +13,7 @@ from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
 from susp_ctrl.report.formatting import signal_text, unit_text, with_unit
 from susp_ctrl.report.looks import labels, looks
-from susp_ctrl.study.results.study_run import FrequencySection, StudyRun
+from susp_ctrl.study.results import FrequencySection, StudyRun
 
 _ROADS = (
     " “Lagged” means that the same road meets the following wheels later by the travel time over the wheelbase, “in "

@@ -13,8 +13,7 @@ from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
 from susp_ctrl.report.formatting import exact_text, number_text, signal_text, symbol_text, unit_text
 from susp_ctrl.report.looks import labels
-from susp_ctrl.study.results.maps import MapAxis, StabilityMapCase
-from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results import MapAxis, StabilityMapCase, StudyRun
 
 
 def maps_section(run: StudyRun) -> Section | None:

@@ -17,7 +17,7 @@ from susp_ctrl.report.sections.pade_orders import (
     tolerance_blocks,
     verdict_blocks,
 )
-from susp_ctrl.study.results.study_run import PadeCase, StudyRun
+from susp_ctrl.study.results import PadeCase, StudyRun
 
 _ERRORS = {
     "frequency_error": ("frequency response", "relative"),

@@ -13,7 +13,7 @@ from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Heading, Table, Text
 from susp_ctrl.report.formatting import capital, number_text, signal_text
 from susp_ctrl.report.looks import labels
-from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results import StudyRun
 
 _ERROR_WORDS = {
     "frequency_error": "frequency response, whole band",

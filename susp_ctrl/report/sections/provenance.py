@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 import pandas as pd
 
 from susp_ctrl.report.blocks import Column, Section, Table, Text
-from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results import StudyRun
 
 
 def all_versions(run: StudyRun) -> dict[str, str]:

@@ -14,7 +14,7 @@ from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
 from susp_ctrl.report.formatting import capital, exact_text, signal_text, unit_text
 from susp_ctrl.report.looks import history_looks, labels
-from susp_ctrl.study.results.study_run import StudyRun, TimeCase
+from susp_ctrl.study.results import StudyRun, TimeCase
 
 METHODS = {"exact": "exact", "pade": "Padé", "stationary": "no simulation", "printed": "printed"}
 _DISPLAY = {"m": ("mm", 1000.0)}  # displayed unit and factor, by SI unit

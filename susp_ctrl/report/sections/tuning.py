@@ -11,7 +11,7 @@ from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Heading, Section, Table, Text
 from susp_ctrl.report.formatting import capital, number_text, sentence, symbol_text, with_unit
 from susp_ctrl.report.looks import labels, looks
-from susp_ctrl.study.results.study_run import StudyRun, TuningRun
+from susp_ctrl.study.results import StudyRun, TuningRun
 
 _PAGE = 8.6  # inch; a higher figure would run off the page
 

@@ -6,7 +6,7 @@ import pandas as pd
 
 from susp_ctrl.report.blocks import Block, Column, Equations, Section, Table, Text
 from susp_ctrl.report.formatting import capital, exact_text, signal_text, symbol_text
-from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results import StudyRun
 
 _KINDS = {"half_car": "half car", "quarter_car": "quarter car", "full_car": "full car"}
 

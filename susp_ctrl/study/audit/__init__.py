@@ -1,1 +1,3 @@
 """Whether the printed numbers of a publication follow from its own equations."""
+
+from susp_ctrl.study.audit.audit import Computed, audit_section

@@ -15,10 +15,16 @@ import pandas as pd
 from susp_ctrl.study.audit.roots import audit_roots
 from susp_ctrl.study.audit.rows import AuditRow, audit_summary, audit_table, compared
 from susp_ctrl.study.audit.tables import audit_printed_table
-from susp_ctrl.study.results.delay_stability import DelayLine, StabilitySection
-from susp_ctrl.study.results.study_run import AuditSection, FrequencySection, TimeCase, TuningRun
-from susp_ctrl.study.sections.workbench import Report, Workbench
-from susp_ctrl.study.settings.audit import (
+from susp_ctrl.study.results import (
+    AuditSection,
+    DelayLine,
+    FrequencySection,
+    StabilitySection,
+    TimeCase,
+    TuningRun,
+)
+from susp_ctrl.study.sections import Report, Workbench
+from susp_ctrl.study.settings import (
     AuditSettings,
     PrintedInterval,
     PrintedOptimum,

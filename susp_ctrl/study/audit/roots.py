@@ -20,9 +20,8 @@ from susp_ctrl.delay_systems import FeedbackChannel, close_loop
 from susp_ctrl.errors import InputError
 from susp_ctrl.study.audit.expressions import evaluate
 from susp_ctrl.study.audit.rows import EXPLAINED, NOT_REPRODUCED, REPRODUCED, AuditRow, agrees
-from susp_ctrl.study.sections.workbench import Workbench
-from susp_ctrl.study.settings.audit import PrintedRoots, printed_number
-from susp_ctrl.study.settings.vehicle import PAPER_SYMBOLS
+from susp_ctrl.study.sections import Workbench
+from susp_ctrl.study.settings import PAPER_SYMBOLS, PrintedRoots, printed_number
 from susp_ctrl.vehicle import HalfCar
 
 _PAPER_STATE = (

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from susp_ctrl.study.results.study_run import AuditVerdict
-from susp_ctrl.study.settings.audit import Printed, printed_number
+from susp_ctrl.study.results import AuditVerdict
+from susp_ctrl.study.settings import Printed, printed_number
 
 REPRODUCED: AuditVerdict = "reproduced"
 NOT_REPRODUCED: AuditVerdict = "not reproduced"

@@ -7,11 +7,9 @@ import pandas as pd
 
 from susp_ctrl.road import HarmonicRoad
 from susp_ctrl.study.audit.rows import EXPLAINED, NOT_REPRODUCED, REPRODUCED, AuditRow, agrees, compared
-from susp_ctrl.study.results.study_run import TimeCase
-from susp_ctrl.study.sections.time import EXACT, STATIONARY, build_road
-from susp_ctrl.study.sections.workbench import Workbench
-from susp_ctrl.study.settings.audit import PrintedRow, PrintedTable, printed_number
-from susp_ctrl.study.settings.vehicle import PASSIVE
+from susp_ctrl.study.results import TimeCase
+from susp_ctrl.study.sections import EXACT, STATIONARY, Workbench, build_road
+from susp_ctrl.study.settings import PASSIVE, PrintedRow, PrintedTable, printed_number
 
 _PHASES = 720  # of the rear road against the front one, tried on a harmonic road
 

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import pandas as pd
 
 from susp_ctrl.arrays import FloatArray
-
-StabilityWord = Literal["stable", "unstable", "undecided"]
-
-VERDICTS: Mapping[bool | None, StabilityWord] = {True: "stable", False: "unstable", None: "undecided"}
-"""The word of every verdict, by whether the loop is stable."""
+from susp_ctrl.delay_systems import VerdictWord
 
 
 @dataclass(frozen=True)
@@ -100,7 +94,7 @@ class DelayIndependence:
     """
 
     gains: pd.DataFrame
-    verdict: StabilityWord
+    verdict: VerdictWord
     supremum: float
     margin: float
     exact_margin: float

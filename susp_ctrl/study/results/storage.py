@@ -23,7 +23,7 @@ from susp_ctrl.delay_systems import FeedbackChannel
 from susp_ctrl.errors import InputError
 from susp_ctrl.study.results import delay_stability, maps, pade, study_run
 from susp_ctrl.study.results.study_run import StudyRun
-from susp_ctrl.study.settings.study_file import Study
+from susp_ctrl.study.settings import Study
 
 RESULTS = "results.npz"
 """Name of the file in the folder of a report."""

@@ -19,7 +19,7 @@ from susp_ctrl.delay_systems import FeedbackChannel
 from susp_ctrl.study.results.delay_stability import StabilitySection
 from susp_ctrl.study.results.maps import StabilityMapCase
 from susp_ctrl.study.results.pade import PadeCase
-from susp_ctrl.study.settings.study_file import Study
+from susp_ctrl.study.settings import Study
 
 Role = Literal["passive", "published", "tuned"]
 AuditVerdict = Literal["reproduced", "not reproduced", "explained by a named misprint"]

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from susp_ctrl.study.settings.vehicle import PairSettings
+from susp_ctrl.study.settings import PairSettings
 
 _MEASURED, _ACTUATOR = "unsprung_displacement", "force"
 

@@ -10,6 +10,7 @@ import pandas as pd
 
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import (
+    VERDICT_WORDS,
     DelayLTI,
     FeedbackChannel,
     characteristic_roots,
@@ -19,16 +20,9 @@ from susp_ctrl.delay_systems import (
     sweep_delays,
 )
 from susp_ctrl.errors import UndecidedStabilityWarning
-from susp_ctrl.study.results.delay_stability import (
-    VERDICTS,
-    DelayIndependence,
-    DelayLine,
-    StabilitySection,
-)
-from susp_ctrl.study.results.study_run import Design
+from susp_ctrl.study.results import DelayIndependence, DelayLine, Design, StabilitySection
 from susp_ctrl.study.sections.workbench import Report, Workbench
-from susp_ctrl.study.settings.study import StabilitySettings
-from susp_ctrl.study.settings.vehicle import BoxSettings, gain_unit
+from susp_ctrl.study.settings import BoxSettings, StabilitySettings, gain_unit
 
 _CURVE_POINTS = 1200
 
@@ -69,7 +63,7 @@ def _verdict(design: Design, loop: DelayLTI) -> dict[str, object]:
     return {
         "design": design.key,
         "role": design.role,
-        "verdict": VERDICTS[verdict.stable],
+        "verdict": VERDICT_WORDS[verdict.stable],
         "abscissa": verdict.abscissa,
         "abscissa_omega": abs(float(verdict.roots[0].imag)) if verdict.roots.size else np.nan,
         "unstable_roots": verdict.unstable_roots,
@@ -150,7 +144,7 @@ def _independence(bench: Workbench, box: Sequence[BoxSettings]) -> DelayIndepend
     omega = np.geomspace(centre / 30, centre * 30, _CURVE_POINTS)
     return DelayIndependence(
         gains=paths.assign(gain=[b.gain for b in box], unit=units),
-        verdict=VERDICTS[whole.stable],
+        verdict=VERDICT_WORDS[whole.stable],
         supremum=float(whole.small_gain),
         margin=float(1.0 / whole.small_gain) if whole.small_gain else np.inf,
         exact_margin=float(whole.margin),

@@ -11,9 +11,9 @@ from scipy.optimize import minimize_scalar
 
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.ride import signal_unit
-from susp_ctrl.study.results.study_run import FrequencySection
+from susp_ctrl.study.results import FrequencySection
 from susp_ctrl.study.sections.workbench import Report, Workbench
-from susp_ctrl.study.settings.study import FrequencySettings
+from susp_ctrl.study.settings import FrequencySettings
 
 _PEAK_COLUMNS = ["design", "output", "road", "omega_rad_per_s", "frequency_Hz", "gain", "unit"]
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pandas as pd
 
-from susp_ctrl.study.results.delay_stability import VERDICTS, StabilitySection
-from susp_ctrl.study.results.pade import PadeCase
-from susp_ctrl.study.results.study_run import AuditSection, TimeCase, TuningRun
+from susp_ctrl.delay_systems import VERDICT_WORDS
+from susp_ctrl.study.results import AuditSection, PadeCase, StabilitySection, TimeCase, TuningRun
 from susp_ctrl.study.sections.workbench import Workbench
-from susp_ctrl.study.settings.vehicle import PASSIVE
+from susp_ctrl.study.settings import PASSIVE
 
 
 def headlines(
@@ -32,7 +31,7 @@ def _stability_line(stability: StabilitySection | None) -> str:
     if stability is None:
         return ""
     verdicts = stability.verdicts
-    counts = {word: int((verdicts["verdict"] == word).sum()) for word in VERDICTS.values()}
+    counts = {word: int((verdicts["verdict"] == word).sum()) for word in VERDICT_WORDS.values()}
     told = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
     line = f"Stability of {len(verdicts)} designs: {told}"
     box = stability.independence

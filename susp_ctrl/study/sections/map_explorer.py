@@ -12,12 +12,11 @@ from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import DelayLTI, characteristic_roots, close_loop, count_unstable_roots, simulate
 from susp_ctrl.errors import UndecidedStabilityWarning
 from susp_ctrl.ride import signal_unit
-from susp_ctrl.study.results.maps import MapExplorer, StabilityMapCase
-from susp_ctrl.study.results.study_run import StudyRun
+from susp_ctrl.study.results import MapExplorer, StabilityMapCase, StudyRun
 from susp_ctrl.study.sections.maps import scaled_channels
 from susp_ctrl.study.sections.time import build_road, record_times
 from susp_ctrl.study.sections.workbench import Report, road_text
-from susp_ctrl.study.settings.maps import MapSettings
+from susp_ctrl.study.settings import MapSettings
 
 # Of the responses: far below what a picture shows.
 _RTOL = 1e-5

@@ -17,11 +17,9 @@ from susp_ctrl.delay_systems import (
     stability_map,
 )
 from susp_ctrl.errors import UndecidedStabilityWarning
-from susp_ctrl.study.results.maps import MapAxis, StabilityMapCase
-from susp_ctrl.study.results.study_run import Design
+from susp_ctrl.study.results import Design, MapAxis, StabilityMapCase
 from susp_ctrl.study.sections.workbench import Report, Workbench
-from susp_ctrl.study.settings.maps import MapSettings
-from susp_ctrl.study.settings.vehicle import gain_unit
+from susp_ctrl.study.settings import MapSettings, gain_unit
 
 _RASTER = 300  # points of the picture along each axis
 _LIMIT_DELAYS = 161

@@ -13,6 +13,7 @@ import pandas as pd
 
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import (
+    VERDICT_WORDS,
     DelayLTI,
     characteristic_roots,
     compare_pade,
@@ -21,11 +22,10 @@ from susp_ctrl.delay_systems import (
     stability,
 )
 from susp_ctrl.errors import PadeOrderWarning
-from susp_ctrl.study.results.delay_stability import VERDICTS
-from susp_ctrl.study.results.pade import PadeCase
+from susp_ctrl.study.results import PadeCase
 from susp_ctrl.study.sections.time import band_order, build_road, record, record_times
 from susp_ctrl.study.sections.workbench import Report, Workbench
-from susp_ctrl.study.settings.simulation import PadeSettings, TimeSettings
+from susp_ctrl.study.settings import PadeSettings, TimeSettings
 
 _SHOWN = "body_acceleration"  # the output of the time error, where the case has it
 _MOST_ROOTS = 256  # searched for the wheel hop
@@ -82,10 +82,10 @@ def pade_case(
         design=key,
         time_case=case.key,
         table=errors.assign(
-            stable=table["stable"].map(VERDICTS),
+            stable=table["stable"].map(VERDICT_WORDS),
             spectral_frequency_error=table["spectral_frequency_error"],
             spectral_root_error=table["spectral_rightmost_root_error"],
-            spectral_stable=table["spectral_stable"].map(VERDICTS),
+            spectral_stable=table["spectral_stable"].map(VERDICT_WORDS),
         ),
         band=band,
         recommended_order=tuple(band_order(loop, settings.omega_to) for _ in bench.design(key).channels),
@@ -120,7 +120,9 @@ def pade_verdicts(bench: Workbench, settings: PadeSettings) -> pd.DataFrame:
         for order in settings.orders:
             rightmost = float(np.linalg.eigvals(loop.pade(order).A).real.max())
             says = rightmost < 0.0
-            rows.append((key, order, VERDICTS[says], rightmost, VERDICTS[exact], abscissa, says is exact))
+            rows.append(
+                (key, order, VERDICT_WORDS[says], rightmost, VERDICT_WORDS[exact], abscissa, says is exact)
+            )
     columns = ["design", "order", "pade_says", "pade_abscissa", "exact", "exact_abscissa", "right"]
     return pd.DataFrame(rows, columns=columns)
 

@@ -17,11 +17,9 @@ from susp_ctrl.delay_systems.approximation import HIGHEST_ORDER
 from susp_ctrl.errors import InputError, PadeOrderWarning, UnstableSystemError
 from susp_ctrl.ride import ride_indices, signal_unit, stationary_rms
 from susp_ctrl.road import BumpRoad, HarmonicRoad, RandomRoad
-from susp_ctrl.study.results.study_run import Design, TimeCase
+from susp_ctrl.study.results import Design, TimeCase
 from susp_ctrl.study.sections.workbench import Report, Workbench, road_text
-from susp_ctrl.study.settings.audit import AuditSettings, printed_number
-from susp_ctrl.study.settings.simulation import RoadSettings, TimeSettings
-from susp_ctrl.study.settings.vehicle import PASSIVE
+from susp_ctrl.study.settings import PASSIVE, AuditSettings, RoadSettings, TimeSettings, printed_number
 
 EXACT, PADE, STATIONARY = "exact", "pade", "stationary"
 

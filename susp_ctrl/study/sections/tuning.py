@@ -10,12 +10,11 @@ import pandas as pd
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.ride import signal_unit
 from susp_ctrl.road import RandomRoad
-from susp_ctrl.study.results.study_run import Design, TuningRun
+from susp_ctrl.study.results import Design, TuningRun
 from susp_ctrl.study.sections.cancellation import cancelling_feedback
 from susp_ctrl.study.sections.frequency import velocity_gain
 from susp_ctrl.study.sections.workbench import Report, Workbench
-from susp_ctrl.study.settings.study import TuningSettings
-from susp_ctrl.study.settings.vehicle import PASSIVE, gain_unit
+from susp_ctrl.study.settings import PASSIVE, TuningSettings, gain_unit
 from susp_ctrl.tuning import BandMean, BandPeak, Harmonic, RoadRms, TuningProblem, tune
 
 

@@ -10,10 +10,8 @@ import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems import DelayLTI, close_loop
-from susp_ctrl.study.results.study_run import Design
-from susp_ctrl.study.settings.simulation import RoadSettings
-from susp_ctrl.study.settings.study_file import Study
-from susp_ctrl.study.settings.vehicle import PASSIVE, DesignSettings, feedback_channels
+from susp_ctrl.study.results import Design
+from susp_ctrl.study.settings import PASSIVE, DesignSettings, RoadSettings, Study, feedback_channels
 
 Report = Callable[[float], None]
 """Told how far a section is, from 0 to 1."""

@@ -15,21 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from susp_ctrl.delay_systems import DelayLTI, close_loop, stability, sweep_delays
+from susp_ctrl.delay_systems import VERDICT_WORDS, DelayLTI, close_loop, stability, sweep_delays
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride import signal_unit, stationary_rms
 from susp_ctrl.ride.indicators import indicator_signals
 from susp_ctrl.road import RandomRoad
-from susp_ctrl.study.results.delay_stability import VERDICTS
-from susp_ctrl.study.results.study_run import Design
-from susp_ctrl.study.sections.time import build_road
-from susp_ctrl.study.sections.tuning import tuning_run
-from susp_ctrl.study.sections.workbench import Workbench
-from susp_ctrl.study.settings.fields import SettingError
-from susp_ctrl.study.settings.study_file import Study
-from susp_ctrl.study.settings.variants import SweepSettings
-from susp_ctrl.study.settings.variation import Value
-from susp_ctrl.study.settings.vehicle import GAIN_UNITS, PASSIVE
+from susp_ctrl.study.results import Design
+from susp_ctrl.study.sections import Workbench, build_road, tuning_run
+from susp_ctrl.study.settings import GAIN_UNITS, PASSIVE, SettingError, Study, SweepSettings, Value
 
 VERDICT_COLUMNS = (
     "verdict",
@@ -229,7 +222,7 @@ def _row(bench: Workbench, question: Question, key: str, road: Any) -> Row:
             loop = close_loop(bench.plant, design.channels, name=key)
             verdict = stability(loop)
             row |= {
-                "verdict": VERDICTS[verdict.stable],
+                "verdict": VERDICT_WORDS[verdict.stable],
                 "abscissa": float(verdict.abscissa),
                 "unstable_roots": None if verdict.unstable_roots is None else int(verdict.unstable_roots),
             }

@@ -14,10 +14,7 @@ import pandas as pd
 
 from susp_ctrl import __version__, validation
 from susp_ctrl.errors import InputError
-from susp_ctrl.study.settings.references import check_sweep
-from susp_ctrl.study.settings.study_file import Study
-from susp_ctrl.study.settings.variants import SweepSettings, indicator_limits
-from susp_ctrl.study.settings.variation import Tolerance
+from susp_ctrl.study.settings import Study, SweepSettings, Tolerance, check_sweep, indicator_limits
 from susp_ctrl.study.variants.dask_cluster import evaluate_on_cluster
 from susp_ctrl.study.variants.evaluation import (
     Question,

@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 
 from susp_ctrl import validation
+from susp_ctrl.delay_systems import VERDICT_WORDS
 from susp_ctrl.errors import InputError
-from susp_ctrl.study.results.delay_stability import VERDICTS
-from susp_ctrl.study.settings.variants import AT_LEAST
+from susp_ctrl.study.settings import AT_LEAST
 from susp_ctrl.study.variants.sweep_summary import (
     HeatMap,
     heat_map,
@@ -286,7 +286,7 @@ class SweepResult:
     def __str__(self) -> str:
         lines = [f"{self.title}: {self.plan}"]
         for row in self.yields.to_dict("records"):
-            counts = ", ".join(f"{row[word]} {word}" for word in (*VERDICTS.values(), "failed"))
+            counts = ", ".join(f"{row[word]} {word}" for word in (*VERDICT_WORDS.values(), "failed"))
             lines.append(
                 f"  {row['design']}: {row['within_limits']} of {row['variants']} variants "
                 f"({100.0 * row['yield']:.1f} %) are stable and within limits; {counts}"

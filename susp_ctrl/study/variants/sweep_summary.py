@@ -28,8 +28,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.study.results.delay_stability import VERDICTS
-from susp_ctrl.study.settings.variants import AT_LEAST
+from susp_ctrl.delay_systems import VERDICT_WORDS
+from susp_ctrl.study.settings import AT_LEAST
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -150,7 +150,7 @@ def yield_table(table: pd.DataFrame, limits: Mapping[str, float]) -> pd.DataFram
         low, high = wilson_interval(good, total)
         stable = part[part["verdict"] == "stable"]
         broken = {name: int((~within_limits(stable, {name: limit})).sum()) for name, limit in limits.items()}
-        verdicts: dict[str, int] = {w: int((part["verdict"] == w).sum()) for w in VERDICTS.values()}
+        verdicts: dict[str, int] = {w: int((part["verdict"] == w).sum()) for w in VERDICT_WORDS.values()}
         rows.append(
             {
                 "design": design,
