@@ -159,18 +159,19 @@ def test_unstable_loop_under_samples_overflows_by_name():
 
 
 @pytest.mark.property
-@pytest.mark.parametrize("hold", ["linear", "zero"])
-@pytest.mark.parametrize("grid", ["uneven", "2 ms", "10 ms"])
+@pytest.mark.parametrize(
+    ("grid", "hold"), [("uneven", "linear"), ("uneven", "zero"), ("2 ms", "zero"), ("10 ms", "linear")]
+)
 @pytest.mark.parametrize("delays", [None, (0.0, 0.0), (5e-4, 5e-4), (1e-3, 5e-4), (0.0, 0.0021)])
 def test_more_samples_than_a_hundred_on_any_loop_equal_collocation(delays, grid, hold):
     """No delay, zero delays, and delays shorter than the samples: 0.1.0 crashed in half of these."""
     rng = np.random.default_rng(1)
     times = {
-        "uneven": np.append(0.0, np.cumsum(rng.uniform(0.5e-3, 1.5e-3, 119))),
-        "2 ms": np.arange(120) * 2e-3,
-        "10 ms": np.arange(120) * 1e-2,
+        "uneven": np.append(0.0, np.cumsum(rng.uniform(0.5e-3, 1.5e-3, 103))),
+        "2 ms": np.arange(104) * 2e-3,
+        "10 ms": np.arange(104) * 1e-2,
     }
-    t, samples = times[grid], np.cumsum(rng.standard_normal(120)) * 1e-3
+    t, samples = times[grid], np.cumsum(rng.standard_normal(104)) * 1e-3
     loop = sc.HalfCar().plant() if delays is None else half_car_loop(delays=delays)
     ours, reference = (
         way(loop, t, {"road_rear": samples}, hold=hold) for way in (sc.simulate, collocation.simulate)

@@ -52,7 +52,7 @@ def check_roots_and_count(seed):
 
 
 @pytest.mark.property
-@settings(max_examples=200)
+@settings(max_examples=120)
 @given(st.integers(0, 2**31 - 1))
 def test_random_roots_equal_the_argument_principle(seed):
     check_roots_and_count(seed)
