@@ -21,10 +21,11 @@ import numpy as np
 import scipy.linalg
 
 from susp_ctrl import DelayLTI
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs, as_inputs
 from susp_ctrl.delay_systems.integrators.trajectory import Past, Run
 from susp_ctrl.delay_systems.model.folding import FoldedLoop
-from susp_ctrl.delay_systems.model.lft import FloatArray, Realization
+from susp_ctrl.delay_systems.model.lft import Realization
 from susp_ctrl.delay_systems.simulation.history import past_of
 
 _DEGREE = 32

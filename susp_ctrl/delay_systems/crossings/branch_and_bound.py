@@ -1,6 +1,6 @@
 r"""Branch and bound: all roots on the axis along a line of delays, with a proof that there are no others.
 
-Boxes in the plane of frequency and y are halved until they are excluded (`box_test`) or small. What is left are
+Boxes in the plane of frequency and y are halved until they are excluded (`box_exclusion`) or small. What is left are
 small boxes about the roots on the axis, from which Newton starts; a box near no root that was found is refined.
 """
 

@@ -3,8 +3,6 @@
 from susp_ctrl.delay_systems.model.characteristic import CharacteristicMatrix, Points
 from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths, fold
 from susp_ctrl.delay_systems.model.lft import (
-    ComplexArray,
-    FloatArray,
     Realization,
     SampledPlant,
     around_resonances,
