@@ -11,7 +11,7 @@ or left as the sign of :math:`\mathrm{Re}\,(ds/d\tau)` says, which is that of :m
 r [2]_.
 
 The books are closed by counts of unstable roots (argument principle) that know nothing of the crossings
-(`sweep_books`); where they do not close, other ways of finding are tried and missing crossings searched for.
+(`sweep_counts`); where they do not close, other ways of finding are tried and missing crossings searched for.
 
 References
 ----------
@@ -37,7 +37,7 @@ from susp_ctrl.delay_systems.crossings.branch_and_bound import Work
 from susp_ctrl.delay_systems.crossings.crossing_search import Crossings, CrossingSearch
 from susp_ctrl.delay_systems.crossings.delay_line import DelayLine, bordered
 from susp_ctrl.delay_systems.crossings.delay_sweep import DelaySweep
-from susp_ctrl.delay_systems.crossings.sweep_books import Bookkeeper, Books, crossing_table
+from susp_ctrl.delay_systems.crossings.sweep_counts import Bookkeeper, Books, crossing_table
 from susp_ctrl.delay_systems.model import DelaySystem
 from susp_ctrl.errors import InputError
 
