@@ -10,7 +10,7 @@ At :math:`s = j\omega` a root :math:`z = e^{-j\theta}` on the unit circle is a c
 or left as the sign of :math:`\mathrm{Re}\,(ds/d\tau)` says, which is that of :math:`d|z|/d\omega` and the same for all
 r [2]_.
 
-The books are closed by counts of unstable roots (argument principle) that know nothing of the crossings
+The tally are closed by counts of unstable roots (argument principle) that know nothing of the crossings
 (`sweep_counts`); where they do not close, other ways of finding are tried and missing crossings searched for.
 
 References
@@ -37,7 +37,7 @@ from susp_ctrl.delay_systems.crossings.branch_and_bound import Work
 from susp_ctrl.delay_systems.crossings.crossing_search import Crossings, CrossingSearch
 from susp_ctrl.delay_systems.crossings.delay_line import DelayLine, bordered
 from susp_ctrl.delay_systems.crossings.delay_sweep import DelaySweep
-from susp_ctrl.delay_systems.crossings.sweep_counts import Bookkeeper, Books, crossing_table
+from susp_ctrl.delay_systems.crossings.sweep_counts import SweepCounts, Tally, crossing_table
 from susp_ctrl.delay_systems.model import DelaySystem
 from susp_ctrl.errors import InputError
 
@@ -94,7 +94,7 @@ def sweep_delays(
     # Delays positive wherever the line ever leaves zero: here a neutral loop is refused.
     system.with_delays(np.where((s != 0.0) | (d != 0.0), 1.0, 0.0))
     search = CrossingSearch(DelayLine.of(system, d, s, end))
-    return _closed(search, Bookkeeper(system, d, s, search), d, s)
+    return _closed(search, SweepCounts(system, d, s, search), d, s)
 
 
 def _per_delay(name: str, value: ArrayLike, n: int) -> FloatArray:
@@ -104,23 +104,23 @@ def _per_delay(name: str, value: ArrayLike, n: int) -> FloatArray:
 
 
 def _closed(
-    search: CrossingSearch, keeper: Bookkeeper, direction: FloatArray, start: FloatArray
+    search: CrossingSearch, counts: SweepCounts, direction: FloatArray, start: FloatArray
 ) -> DelaySweep:
     """Try the ways of finding in turn until counts and tendencies agree, then search for what is missing."""
     first, *others = search.ways()
-    found = _with_real_roots(search, keeper, first())
-    books = keeper.close(found)
+    found = _with_real_roots(search, counts, first())
+    tally = counts.close(found)
     for way in others:
-        if books.closed:
+        if tally.closed:
             break
-        candidate = _with_real_roots(search, keeper, way())
-        trial = keeper.close(candidate)
+        candidate = _with_real_roots(search, counts, way())
+        trial = counts.close(candidate)
         if trial.closed:
-            found, books = candidate, trial
-    if not books.closed:
-        found = _with_missing(search, found, books)
-        books = keeper.close(found)
-    edges, roots = books.edges, books.roots if books.closed else np.full(books.roots.size, -1)
+            found, tally = candidate, trial
+    if not tally.closed:
+        found = _with_missing(search, found, tally)
+        tally = counts.close(found)
+    edges, roots = tally.edges, tally.roots if tally.closed else np.full(tally.roots.size, -1)
     intervals = pd.DataFrame(
         {"tau_from": edges[:-1], "tau_to": edges[1:], "unstable_roots": roots.astype(int)}
     )
@@ -131,29 +131,29 @@ def _closed(
         up_to=search.line.up_to,
         crossings=crossing_table(found, edges, intervals["unstable_roots"].to_numpy()),
         intervals=intervals,
-        delay_margin=_margin(found, books, search.axis_roots, keeper.rounding(found)),
-        decided=books.closed,
+        delay_margin=_margin(found, tally, search.axis_roots, counts.rounding(found)),
+        decided=tally.closed,
         proven=found.complete,
         axis_roots=search.axis_roots,
         method=found.method,
-        message=books.message + given_up,
+        message=tally.message + given_up,
         line=search.line,
     )
 
 
-def _margin(found: Crossings, books: Books, axis_roots: tuple[float, ...], rounding: FloatArray) -> float:
+def _margin(found: Crossings, tally: Tally, axis_roots: tuple[float, ...], rounding: FloatArray) -> float:
     if axis_roots:
         return 0.0
-    if not books.closed:
+    if not tally.closed:
         return float("nan")
-    if books.roots[0] > 0 or np.any(found.tau <= rounding):
+    if tally.roots[0] > 0 or np.any(found.tau <= rounding):
         return 0.0
     if found.tau.size:
         return float(found.tau.min())
     return float("inf") if found.none_ever else float("nan")
 
 
-def _with_real_roots(search: CrossingSearch, keeper: Bookkeeper, found: Crossings) -> Crossings:
+def _with_real_roots(search: CrossingSearch, counts: SweepCounts, found: Crossings) -> Crossings:
     """Add real roots that pass through a root which stays at s = 0: there the derivative vanishes too.
 
     The derivative of the characteristic function at s = 0 is linear in tau. Which way the root goes is
@@ -170,17 +170,17 @@ def _with_real_roots(search: CrossingSearch, keeper: Bookkeeper, found: Crossing
         return found
     tau = line.up_to * slope[0] / (slope[0] - slope[1])
     near = 1e-3 * min(tau, line.up_to - tau)
-    before, after = keeper.count(tau - near), keeper.count(tau + near)
+    before, after = counts.count(tau - near), counts.count(tau + near)
     if before is None or after is None:
         return found
     change = np.array([after - before])
     return found.joined(np.array([tau]), np.zeros(1), np.sign(change), change)
 
 
-def _with_missing(search: CrossingSearch, found: Crossings, books: Books) -> Crossings:
+def _with_missing(search: CrossingSearch, found: Crossings, tally: Tally) -> Crossings:
     """Where counts differ and no crossing accounts for it, narrow the place down and search there."""
-    order = sorted(books.missing)
-    gaps = [(low, high) for low, high in pairwise(order) if books.missing[low] != books.missing[high]]
+    order = sorted(tally.missing)
+    gaps = [(low, high) for low, high in pairwise(order) if tally.missing[low] != tally.missing[high]]
     if search.work.spent:
         # Too large a task as a whole: worth going on only if little of it is missing.
         if len(gaps) > _REPAIRED:

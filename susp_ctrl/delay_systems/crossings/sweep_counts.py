@@ -1,4 +1,4 @@
-"""The books of a sweep: crossings found are held against counts of unstable roots that know nothing of them.
+"""The tally of a sweep: crossings found are held against counts of unstable roots that know nothing of them.
 
 At both ends of the line and between, the count and the sum of tendencies must agree.
 """
@@ -22,7 +22,7 @@ _COUNTED_WITHOUT_PROOF = 40
 
 
 @dataclass(frozen=True, eq=False)
-class Books:
+class Tally:
     """Intervals between events, the counts made at some tau, what is missing there, and whether all agree."""
 
     edges: FloatArray
@@ -33,8 +33,8 @@ class Books:
     message: str
 
 
-class Bookkeeper:
-    """Counts unstable roots along a line, each place once, and closes the books of what was found.
+class SweepCounts:
+    """Counts unstable roots along a line, each place once, and closes the tally of what was found.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Bookkeeper:
         self._system, self._direction, self._start, self._search = system, direction, start, search
         self._counts: dict[float, int | None] = {}
 
-    def close(self, found: Crossings) -> Books:
+    def close(self, found: Crossings) -> Tally:
         """Sum up the tendencies and compare with independent counts at both ends and between."""
         end = self._search.line.up_to
         reach = self.rounding(found)
@@ -68,7 +68,7 @@ class Bookkeeper:
         if start is not None:
             counted[0.0] = start
         if not counted:
-            return Books(
+            return Tally(
                 edges, np.full(total.size, -1), {}, {}, False, "no count of unstable roots is possible"
             )
         interval = {tau: int(np.clip(np.searchsorted(edges, tau) - 1, 0, total.size - 1)) for tau in counted}
@@ -79,9 +79,9 @@ class Bookkeeper:
         if any(missing.values()) or np.any(roots < 0):
             listed = ", ".join(f"{counted[tau]} at {tau:.6g}" for tau in sorted(counted))
             message = f"tendencies and counts of unstable roots differ: counted {listed}"
-            return Books(edges, roots, counted, missing, False, message)
+            return Tally(edges, roots, counted, missing, False, message)
         message = f"tendencies agree with {len(counted)} counts of unstable roots"
-        return Books(edges, roots, counted, missing, True, message)
+        return Tally(edges, roots, counted, missing, True, message)
 
     def count(self, tau: float) -> int | None:
         """Count unstable roots at one tau, independently of the crossings."""

@@ -9,10 +9,10 @@ from susp_ctrl.delay_systems.model.lft import (
     closed,
     inverses,
     lft_response,
+    loop_response,
     return_determinant,
     sample_plant,
 )
-from susp_ctrl.delay_systems.model.loop_response import loop_response
 from susp_ctrl.delay_systems.model.perron import perron_bound, scaled_row_sums
 from susp_ctrl.delay_systems.model.rounding import distance_to_singular, eigenvalues_with_uncertainty
 from susp_ctrl.delay_systems.model.signal_names import name_list

@@ -28,7 +28,7 @@ def smooth_pieces(samples, t, hold):
 def between_all_kinks(monkeypatch, run):
     """Run by cells between all kinks, without the methods for very many of them."""
     with monkeypatch.context() as patch:
-        patch.setattr("susp_ctrl.delay_systems.simulation.march_choice.FROM_REST", ())
+        patch.setattr("susp_ctrl.delay_systems.simulation.time_response.FROM_REST", ())
         return run()
 
 
