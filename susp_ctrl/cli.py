@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from susp_ctrl.study import Study
-    from susp_ctrl.study.results.study_run import StudyRun, TimeCase
+    from susp_ctrl.study.results import StudyRun, TimeCase
 
 WRITE_FAILED, BAD_INPUT, UNDECIDED, INTERRUPTED = 1, 2, 3, 130
 
@@ -78,8 +78,8 @@ def run(
 ) -> None:
     """Run a whole study and write its report: PDF, CSV tables, figures."""
     with _one_line_errors():
-        import susp_ctrl as sc
-        from susp_ctrl.report import check_folder
+        import susp_ctrl as sc  # late: --help answers at once
+        from susp_ctrl.report import check_folder  # late: --help answers at once
 
         settings = _load(study, changes)
         target = check_folder(Path("out") / study.stem if out is None else out)
@@ -107,8 +107,8 @@ def report(
     Only what a click on a map of the HTML page shows is computed then, as in any run with --html.
     """
     with _one_line_errors():
-        from susp_ctrl.report import StudyResult, check_folder
-        from susp_ctrl.study.results.storage import read_run
+        from susp_ctrl.report import StudyResult, check_folder  # late: --help answers at once
+        from susp_ctrl.study.results import read_run  # late: --help answers at once
 
         result = StudyResult(read_run(folder))
         target = check_folder(folder if out is None else out)
@@ -123,7 +123,7 @@ def list_studies(
 ) -> None:
     """List the study files of a folder with their titles."""
     with _one_line_errors():
-        import susp_ctrl as sc
+        import susp_ctrl as sc  # late: --help answers at once
 
         if not folder.is_dir():
             raise InputError(f"folder = {str(folder)!r} is not allowed: there is no such folder")
@@ -147,7 +147,7 @@ def new(
 ) -> None:
     """Write a commented template of a study file, to be edited."""
     with _one_line_errors():
-        from susp_ctrl.study.settings.study_file import new_study
+        from susp_ctrl.study.settings import new_study  # late: --help answers at once
 
         print(new_study(name))
 
@@ -156,7 +156,7 @@ def new(
 def check(study: StudyFile) -> None:
     """Check a study file without running it."""
     with _one_line_errors():
-        import susp_ctrl as sc
+        import susp_ctrl as sc  # late: --help answers at once
 
         settings = sc.load_study(study)
         print(f"{study}: valid. {settings.settings.title}")
@@ -175,7 +175,7 @@ def stability(study: StudyFile, changes: Changes = None, as_json: AsJson = False
 @app.command("sweep-delays", epilog="Example: susp-ctrl sweep-delays studies/wu_ren_2020.toml")
 def sweep_delays(study: StudyFile, changes: Changes = None, as_json: AsJson = False) -> None:
     """Find all delays at which roots cross the imaginary axis, and the stable intervals between them."""
-    import pandas as pd
+    import pandas as pd  # late: --help answers at once
 
     data = _compute(study, changes, "stability")
     assert data.stability is not None
@@ -252,7 +252,7 @@ def sweep(
 ) -> None:
     """Compute many variants of a study; every finished one is kept, and the same command goes on where it stopped."""
     with _one_line_errors():
-        import susp_ctrl as sc
+        import susp_ctrl as sc  # late: --help answers at once
 
         settings = _load(study, changes)
         folder = Path("out") / f"{study.stem}_sweep" if out is None else out
@@ -280,9 +280,9 @@ def sweep(
 
 
 def _load(path: Path, changes: list[str] | None) -> Study:
-    import tomllib
+    import tomllib  # late: --help answers at once
 
-    import susp_ctrl as sc
+    import susp_ctrl as sc  # late: --help answers at once
 
     values: dict[str, Any] = {}
     for change in changes or []:
@@ -309,7 +309,7 @@ def _rms(case: TimeCase, as_records: bool) -> pd.DataFrame:
 
 def _compute(path: Path, changes: list[str] | None, section: str) -> StudyRun:
     with _one_line_errors():
-        from susp_ctrl.study import compute_study
+        from susp_ctrl.study import compute_study  # late: --help answers at once
 
         settings = _load(path, changes)
         with _progress() as progress:
@@ -355,9 +355,14 @@ def _progress() -> Iterator[Progress]:
     if not sys.stderr.isatty():
         yield lambda stage, fraction: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bars
+    from rich.console import Console  # late: --help answers at once
+    from rich.progress import (  # late: --help answers at once
+        BarColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+    from rich.progress import Progress as Bars  # late: --help answers at once
 
     columns = [TextColumn("{task.description:<32}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()]
     with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
@@ -367,7 +372,7 @@ def _progress() -> Iterator[Progress]:
 
 def _print(tables: dict[str, pd.DataFrame], as_json: bool) -> None:
     if as_json:
-        import json
+        import json  # late: --help answers at once
 
         records: dict[str, Any] = {
             name: json.loads(table.to_json(orient="records", double_precision=15))

@@ -2,7 +2,7 @@
 
 from susp_ctrl.study.results.delay_stability import DelayIndependence, DelayLine, StabilitySection
 from susp_ctrl.study.results.maps import MapAxis, MapExplorer, StabilityMapCase
-from susp_ctrl.study.results.storage import RESULTS, write_run
+from susp_ctrl.study.results.storage import RESULTS, read_run, write_run
 from susp_ctrl.study.results.study_run import (
     AuditSection,
     AuditVerdict,
