@@ -39,7 +39,7 @@ class ParetoFront:
         self, ax: Any = None, *, xlabel: str = "first objective", ylabel: str = "second objective"
     ) -> Any:
         """Draw the second objective over the first, with the passive plant beside it; return the axes."""
-        from susp_ctrl.plotting import draw_trade_off
+        from susp_ctrl.plotting import draw_trade_off  # loads matplotlib
 
         return draw_trade_off(
             self.table["first"], self.table["second"], ax, passive=self.passive, xlabel=xlabel, ylabel=ylabel
