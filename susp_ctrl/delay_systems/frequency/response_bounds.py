@@ -82,12 +82,6 @@ def local_response(loop: FoldedLoop, omega: FloatArray, half: FloatArray) -> Loc
     return LocalResponse(value, derivative, remainder)
 
 
-def value_and_derivative(loop: FoldedLoop, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """Return H and dH/ds at any points s, each of shape (points, outputs, inputs); not finite at poles."""
-    _, L, v, dv = _expanded(loop, s)
-    return loop.plant.D11 + L @ v, L @ dv
-
-
 def _expanded(
     loop: FoldedLoop, s: ComplexArray
 ) -> tuple[ComplexArray, FloatArray, ComplexArray, ComplexArray]:

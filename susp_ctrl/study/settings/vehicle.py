@@ -13,6 +13,7 @@ from susp_ctrl.delay_systems import FeedbackChannel
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride import signal_unit
 from susp_ctrl.study.settings.fields import KEY, MISSING, Place, SettingError, Settings, nearest, setting
+from susp_ctrl.validation import LONGEST_DELAY
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
 
 VEHICLES: Mapping[str, type] = {"half_car": HalfCar, "quarter_car": QuarterCar, "full_car": FullCar}
@@ -159,7 +160,7 @@ class ChannelSettings(_Feedback):
     """One feedback channel with a gain and a delay."""
 
     gain: float = setting()
-    delay: float = setting(unit="s", at_least=0.0)
+    delay: float = setting(unit="s", at_least=0.0, at_most=LONGEST_DELAY)
     actuator_bandwidth: float | None = setting(None, unit="rad_per_s", above=0.0)
 
 
@@ -169,8 +170,8 @@ class PairSettings(_Feedback):
 
     gain_from: float = setting()
     gain_to: float = setting()
-    delay_from: float = setting(0.001, unit="s", at_least=0.0)
-    delay_to: float = setting(1.0, unit="s", at_least=0.0)
+    delay_from: float = setting(0.001, unit="s", at_least=0.0, at_most=LONGEST_DELAY)
+    delay_to: float = setting(1.0, unit="s", at_least=0.0, at_most=LONGEST_DELAY)
     actuator_bandwidth: float | None = setting(None, unit="rad_per_s", above=0.0)
 
     @property

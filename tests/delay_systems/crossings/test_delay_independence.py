@@ -227,3 +227,15 @@ def test_text_and_truth_value():
     assert "stable for all delays" in str(result)
     with pytest.raises(TypeError):
         bool(result)
+
+
+@pytest.mark.analytical
+def test_small_gain_of_many_channels_is_the_radius_itself():
+    """A chain of nearly uncoupled channels, where cheap bounds of the radius are some percent too large."""
+    rng = np.random.default_rng(4)
+    A = [rng.normal(size=(4, 4)) - 4.0 * np.eye(4), *(rng.normal(size=(4, 4)) for _ in range(2))]
+    loop = sc.DelayLTI.from_state_delays(A, [0.5, 1.1])
+    found = sc.delay_independent_stability(loop)
+    B, C = np.hstack([np.eye(4)] * 2), np.vstack(A[1:])
+    P = C @ np.linalg.solve(1j * found.small_gain_omega * np.eye(4) - A[0], B)
+    assert found.small_gain == pytest.approx(np.abs(np.linalg.eigvals(np.abs(P))).max(), rel=1e-8)
