@@ -23,7 +23,8 @@ class FoldedLoop(NamedTuple):
 
     def exponentials(self, s: ComplexArray) -> ComplexArray:
         """Return ``e^{-s tau_k}``, shape (*s.shape, channels)."""
-        return np.exp(-np.asarray(s)[..., None] * self.delays)
+        # points are contiguous in memory, as in a sampled plant
+        return np.moveaxis(np.exp(-np.multiply.outer(self.delays, np.asarray(s))), 0, -1)
 
 
 def fold(plant: Realization, gains: FloatArray, delays: FloatArray) -> FoldedLoop:

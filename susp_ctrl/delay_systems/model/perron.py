@@ -41,9 +41,8 @@ def scaled_row_sums(X: FloatArray) -> FloatArray:
     x = np.ones(X.shape[:-1])
     for _ in range(6):
         image = (X @ x[..., None])[..., 0]
-        # the share kept damps what alternates; all of it follows the size of X, and x stays positive
+        # the share kept damps what alternates and keeps x positive; all of it follows the size of X
         x = image / np.maximum(image.max(axis=-1, keepdims=True), 1e-300) + 1e-2 * x
-        x = x / x.max(axis=-1, keepdims=True) + 1e-30
     return (X @ x[..., None])[..., 0] / x
 
 
