@@ -120,7 +120,7 @@ def check_map(A, delays, count, seed):
 
 
 @pytest.mark.property
-@settings(max_examples=40)
+@settings(max_examples=30)
 @given(st.integers(0, 2**31 - 1))
 def test_all_methods_agree(seed):
     check_agreement(seed, largest_map=3)

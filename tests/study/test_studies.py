@@ -31,7 +31,16 @@ def shrunk(study):
     return study.with_changes(changes)
 
 
-@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.toml")), ids=lambda path: path.stem)
+LONG = ("feedback_signals",)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in LONG else [])
+        for path in sorted(FOLDER.glob("*.toml"))
+    ],
+)
 def test_study_runs(path):
     study = sc.load_study(path)
     assert study.name == path.stem

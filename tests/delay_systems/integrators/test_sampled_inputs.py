@@ -162,7 +162,7 @@ def test_unstable_loop_under_samples_overflows_by_name():
 @pytest.mark.parametrize(
     ("grid", "hold"), [("uneven", "linear"), ("uneven", "zero"), ("2 ms", "zero"), ("10 ms", "linear")]
 )
-@pytest.mark.parametrize("delays", [None, (0.0, 0.0), (5e-4, 5e-4), (1e-3, 5e-4), (0.0, 0.0021)])
+@pytest.mark.parametrize("delays", [None, (0.0, 0.0), (5e-4, 5e-4), (1e-3, 5e-4)])
 def test_more_samples_than_a_hundred_on_any_loop_equal_collocation(delays, grid, hold):
     """No delay, zero delays, and delays shorter than the samples: 0.1.0 crashed in half of these."""
     rng = np.random.default_rng(1)

@@ -173,7 +173,8 @@ def wait_for(condition, seconds=90.0):
 
 @pytest.mark.end_to_end
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
-@pytest.mark.parametrize("kills", [(7,), pytest.param((4, 11), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kills", [(7,), (4, 11)])
 def test_a_killed_sweep_loses_nothing_and_leaves_no_process_behind(tmp_path, kills):
     # The pause holds the sweep up between two variants, so that there is time to kill it.
     program = (

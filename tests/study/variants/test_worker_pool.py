@@ -86,6 +86,7 @@ def test_a_sweep_that_is_abandoned_ends_its_processes(importable):
 
 
 @pytest.mark.end_to_end
+@pytest.mark.slow
 @needs_dask
 def test_a_dask_cluster_of_two_workers_gives_the_identical_table(by_one_process, tmp_path):
     from distributed import LocalCluster
