@@ -147,7 +147,7 @@ def random_matrix(rng, n=2):
 
 
 @pytest.mark.property
-@settings(max_examples=30)
+@settings(max_examples=60)
 @given(st.integers(0, 2**31))
 def test_structured_gain_is_the_largest_spectral_radius(seed):
     """The closed form against a dense search over the phase between the two channels."""
