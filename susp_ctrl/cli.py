@@ -182,8 +182,9 @@ def sweep_delays(study: StudyFile, changes: Changes = None, as_json: AsJson = Fa
     crossings, intervals = [], []
     for line in data.stability.lines:
         key = {"design": line.design, "line": line.line}
-        crossings.append(line.crossings.assign(**key))
-        intervals.append(line.intervals.assign(**key, delay_margin=line.delay_margin, proven=line.proven))
+        crossings.append(line.sweep.crossings.assign(**key))
+        margin = {"delay_margin": line.sweep.delay_margin, "proven": line.stable_for_every_delay}
+        intervals.append(line.sweep.intervals.assign(**key, **margin))
     ordered = ["design", "line"]
     tables = {
         name: (table := pd.concat(parts, ignore_index=True))[

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from susp_ctrl.delay_systems import DelayIndependence, StabilityMap
+from susp_ctrl.delay_systems.maps.regions import Raster, map_regions
+from susp_ctrl.delay_systems.maps.segments import Segments
 from susp_ctrl.study.results.maps import MapAxis, MapExplorer, StabilityMapCase
 
 POINTS = 5
@@ -17,14 +20,14 @@ def map_case(
     y = MapAxis("tau2", "delay of force_rear", "s", 0.0, 0.8)
     if gain:
         y = MapAxis("gain1", "gain of force_front", "N/m", 0.0, 250e3)
-    across, upward = np.linspace(x.low, x.high, 40), np.linspace(y.low, y.high, 40)
     middle = 0.5 * (y.low + y.high)
-    numbers = (
-        np.where(upward[:, None] > middle, 2, 0) * np.ones(40, dtype=int)
-        if crossed
-        else np.zeros((40, 40), int)
-    )
-    counts = [(0, 1, 0.5), (2, 1, 0.5)] if crossed else [(0, 1, 1.0)]
+    # right of a segment, which runs to the left, is up: two more roots there
+    ends = np.array([[[0.4, middle], [0.2, middle]], [[0.2, middle], [0.0, middle]]])[: 2 * crossed]
+    frequencies = np.array([64.0, 66.0])[: 2 * crossed]
+    segments = Segments(ends[:, 0], ends[:, 1], np.full(len(ends), 2), frequencies)
+    raster = Raster(np.array([x.low, y.low]), np.array([x.high, y.high]))
+    change = np.where((raster.y > middle) & crossed, 2, 0)
+    regions = map_regions(raster, change, change, lambda _, upward: 2 if crossed and upward > middle else 0)
     limits = pd.DataFrame(
         {
             "delay_s": [0.0, 0.2, 0.4],
@@ -39,23 +42,19 @@ def map_case(
         gain_factor=5.5 if crossed and not gain else 1.0,
         x=x,
         y=y,
-        x_values=across,
-        y_values=upward,
-        unstable_roots=numbers,
-        curves=np.array([[[0.0, middle], [0.2, middle]], [[0.2, middle], [0.4, middle]]])[: 2 * crossed],
-        crossing_band=(64.0, 66.0) if crossed else (np.nan, np.nan),
-        regions=pd.DataFrame(
-            [(n, a, 0.2, middle, n) for n, _, a in counts],
-            columns=["unstable_roots", "area", "x", "y", "counted"],
+        map=StabilityMap(
+            x_label="delay 1 (s)",
+            y_label="gain 1" if gain else "delay 2 (s)",
+            x_range=(x.low, x.high),
+            y_range=(y.low, y.high),
+            segments=segments,
+            origin=(0.0, 0.0),
+            found=regions,
+            axis_roots=(),
+            mixed=gain,
+            design=(0.11, 72.5e3 if gain else 0.19),
         ),
-        counts=pd.DataFrame(counts, columns=["unstable_roots", "regions", "area"]),
-        point=(0.11, 19345.0 if gain else 0.19),
-        point_roots=0,
-        distance=0.21 if crossed else np.inf,
-        lost_at=3.8012,
-        lost_omega=63.124,
-        lost_exact=True,
-        confirmed=True,
+        independence=DelayIndependence(True, 3.8012, 63.124, 1.0 / 3.8012, 63.124, True, None, "exact"),
         gain_limits=limits if gain else None,
     )
 
@@ -67,7 +66,7 @@ def map_explorer(case: StabilityMapCase) -> MapExplorer:
     responses = np.exp(real[:, :, None] * times) * np.sin(6.0 * times)
     responses[POINTS - 1, POINTS - 1] = np.nan
     return MapExplorer(
-        map=case,
+        case=case,
         x_values=x,
         y_values=y,
         roots=real + 6.0j + np.arange(POINTS) * 1j,

@@ -18,7 +18,7 @@ from susp_ctrl.arrays import FloatArray
 from susp_ctrl.plotting import map_legend, map_picture
 from susp_ctrl.report.document import asset
 from susp_ctrl.report.formatting import prose, signal_text, symbol_text, unit_text, with_unit
-from susp_ctrl.report.sections.maps import axis_label, axis_scale
+from susp_ctrl.report.sections.maps import axis_label, axis_scale, picture
 from susp_ctrl.study.results import MapExplorer
 
 _DIGITS = np.frombuffer(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_", dtype=np.uint8)
@@ -33,19 +33,20 @@ def explorer_html(explorer: MapExplorer) -> str:
     explorer
         What was computed on the grid.
     """
-    case = explorer.map
+    case = explorer.case
+    unstable = picture(case)[2]
     parts = {
         "name": case.name,
         "road": escape(prose(explorer.road_text)),
         "count": f"{explorer.x_values.size} × {explorer.y_values.size}",
-        "picture": "data:image/png;base64," + b64encode(map_picture(case.unstable_roots)).decode(),
+        "picture": "data:image/png;base64," + b64encode(map_picture(unstable)).decode(),
         "x_label": escape(axis_label(case.x)),
         "y_label": escape(axis_label(case.y)),
         "response_label": escape(with_unit(signal_text(explorer.output), explorer.unit)),
         "design": _design_mark(explorer),
         "shades": " ".join(
             f'<span><span class="shade" style="background:{shade}"></span> {escape(text)}</span>'
-            for text, shade in map_legend(case.unstable_roots)
+            for text, shade in map_legend(unstable)
         ),
         # No "<" can end the script element that the data stand in.
         "data": json.dumps(explorer_data(explorer), ensure_ascii=False).replace("<", "\\u003c"),
@@ -69,13 +70,13 @@ def explorer_data(explorer: MapExplorer) -> dict[str, Any]:
     ``points`` has one entry for each point of the grid, row by row from the lowest y: real and imaginary part of the
     rightmost root, unstable roots, peak of the response, and the response as `packed`.
     """
-    case = explorer.map
+    case = explorer.case
     scales = [axis_scale(axis)[0] for axis in (case.x, case.y)]
     values = (explorer.x_values, explorer.y_values)
     points = [
         _point(explorer, row, column) for row in range(values[1].size) for column in range(values[0].size)
     ]
-    start = [int(np.argmin(abs(grid - at))) for grid, at in zip(values, case.point, strict=True)]
+    start = [int(np.argmin(abs(grid - at))) for grid, at in zip(values, case.map.design, strict=True)]
     peak, curve = packed(explorer.passive)
     return {
         "x": [_short(scales[0] * v) for v in values[0]],
@@ -112,11 +113,11 @@ def _point(explorer: MapExplorer, row: int, column: int) -> list[Any]:
 
 
 def _design_mark(explorer: MapExplorer) -> str:
-    case = explorer.map
+    case = explorer.case
     if case.point_roots < 0:
         return ""
-    x = 60 + 360 * (case.point[0] - case.x.low) / (case.x.high - case.x.low)
-    y = 350 - 340 * (case.point[1] - case.y.low) / (case.y.high - case.y.low)
+    x = 60 + 360 * (case.map.design[0] - case.x.low) / (case.x.high - case.x.low)
+    y = 350 - 340 * (case.map.design[1] - case.y.low) / (case.y.high - case.y.low)
     cross = f'transform="translate({x:.1f} {y:.1f})" d="M-5 -5L5 5M-5 5L5 -5"'
     return f'<path class="design" {cross}><title>design</title></path>'
 

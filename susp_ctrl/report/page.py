@@ -47,7 +47,7 @@ def write_page(
         Maps to click on; each stands below the figure of its map.
     """
     equations = equations_svg()
-    below = {figure_key(explorer.map): explorer_html(explorer) for explorer in explorers}
+    below = {figure_key(explorer.case): explorer_html(explorer) for explorer in explorers}
     parts = {
         "title": escape(run.study.title),
         "opening": "\n".join(

@@ -6,10 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from susp_ctrl.delay_systems import FeedbackChannel
+from susp_ctrl.delay_systems import DelayIndependence, DelaySweep, FeedbackChannel
+from susp_ctrl.delay_systems.crossings import DelayLine
+from susp_ctrl.delay_systems.model import CharacteristicMatrix
 from susp_ctrl.report.study_result import StudyResult
 from susp_ctrl.study import Study
-from susp_ctrl.study.results.delay_stability import DelayIndependence, DelayLine, StabilitySection
+from susp_ctrl.study.results.delay_stability import BoxProof, StabilitySection, SweptLine
 from susp_ctrl.study.results.study_run import (
     AuditSection,
     Design,
@@ -190,27 +192,25 @@ def _tuning(key: str, label: str) -> TuningRun:
     )
 
 
-def _line(design: str, line: str, label: str, parameter: str) -> DelayLine:
-    omega = np.geomspace(0.5, 150.0, 200)
+def _line(design: str, line: str, label: str, parameter: str) -> SweptLine:
+    one = np.ones(1)
+    loop = CharacteristicMatrix(-one[None], one[None], -2.0 * one[None], 0.0 * one[None], one)
     columns = ["tau_from", "tau_to", "unstable_roots"]
-    return DelayLine(
-        design=design,
-        line=line,
-        label=label,
-        start=(0.0, 0.0),
-        direction=(1.0, 1.0),
+    sweep = DelaySweep(
+        direction=one,
+        start=0.0 * one,
         up_to=2.0,
-        tau_of_design=0.55,
-        parameter=parameter,
-        figure_omega=omega,
-        figure_values=np.array([0.3 + omega / 100.0, 2.0 + 50.0 / omega]),
-        figure_names=("|z₁|", "|z₂|"),
         crossings=pd.DataFrame({"tau": [0.7, 1.2], "omega": [7.0, 9.0], "tendency": [1, -1]}),
         intervals=pd.DataFrame([(0.0, 0.7, 0), (0.7, 1.2, 2), (1.2, 2.0, 0)], columns=columns),
-        stable_intervals=((0.0, 0.7), (1.2, 2.0)),
         delay_margin=0.7,
-        proven=False,
+        decided=True,
+        proven=True,
+        axis_roots=(),
+        method="made up",
+        message="made up",
+        line=DelayLine(loop, 0.0 * one, one, 2.0, 1.0, one, 0.0),
     )
+    return SweptLine(design, line, label, 0.55, parameter, sweep)
 
 
 def _stability(verdict: str) -> StabilitySection:
@@ -245,18 +245,13 @@ def _stability(verdict: str) -> StabilitySection:
     )
     pair = {"measured": ["unsprung_displacement_front"], "actuator": ["force_front"]}
     omega = np.geomspace(0.5, 150.0, 200)
-    proof = DelayIndependence(
+    proof = BoxProof(
         gains=pd.DataFrame(pair | {"gain": [34000.0], "unit": ["N/m"]}),
-        verdict="stable",
-        supremum=0.4441,
-        margin=1.0 / 0.4441,
-        exact_margin=1.0 / 0.4426,
-        omega=8.82,
+        corner=DelayIndependence(True, 1.0 / 0.4426, 8.82, 0.4441, 8.82, True, None, "made up"),
         single_channel=pd.DataFrame(
             pair | {"gain_threshold": [103229.0], "omega_rad_per_s": [65.64], "unit": ["N/m"]}
         ),
-        curve_omega=omega,
-        curve_radius=0.4441 * np.exp(-(np.log(omega / 8.82) ** 2)),
+        curve=pd.DataFrame({"omega": omega, "radius": 0.4441 * np.exp(-(np.log(omega / 8.82) ** 2))}),
     )
     return StabilitySection(verdicts, roots, lines, proof)
 

@@ -92,7 +92,7 @@ def test_published_numbers_are_listed_with_verdict_and_numbered_evidence(result:
 def test_unfinished_margins_and_designs_off_the_line_are_told_apart(run: StudyRun) -> None:
     assert run.stability is not None
     proven, open_, lost = (
-        replace(line, delay_margin=margin, proven=margin == np.inf, tau_of_design=None)
+        replace(line, sweep=replace(line.sweep, delay_margin=margin), tau_of_design=None)
         for line, margin in zip(run.stability.lines, (np.inf, np.nan, 0.7), strict=False)
     )
     part = replace(run, stability=replace(run.stability, lines=(proven, open_, lost)))
@@ -139,7 +139,9 @@ def test_sweep_figure_has_a_panel_for_every_design(result: StudyResult, run: Stu
     assert run.stability is not None
     axes = [ax for ax in result.figures["sweep_equal"].axes if ax.get_visible()]
     assert [ax.get_title() for ax in axes] == [design.label for design in run.designs[1:]]
-    np.testing.assert_allclose(axes[0].get_lines()[0].get_ydata(), run.stability.lines[0].figure_values[0])
+    np.testing.assert_allclose(
+        axes[0].get_lines()[0].get_ydata(), run.stability.lines[0].sweep.figure_data["z1"]
+    )
 
 
 def test_velocity_gain_draws_all_designs_for_both_roads(result: StudyResult, run: StudyRun) -> None:

@@ -58,7 +58,9 @@ def test_maps_without_curves_are_told_and_not_drawn(mapped: StudyRun) -> None:
 
 
 def test_counts_that_differ_are_said(mapped: StudyRun) -> None:
-    doubtful = replace(mapped, stability_maps=(replace(mapped.stability_maps[0], confirmed=False),))
+    case = mapped.stability_maps[0]
+    found = replace(case.map, found=replace(case.map.found, decided=False))
+    doubtful = replace(mapped, stability_maps=(replace(case, map=found),))
     section = maps_section(doubtful)
     assert section is not None
     assert section.tables[0].cells()[1]["cells"][-1] == "DIFFER"

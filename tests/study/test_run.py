@@ -109,14 +109,14 @@ def test_stability_of_the_published_designs(small_run):
     assert list(roots.loc["random_published"].round(5)) == [-1.17254, 8.54527]
     assert list(roots.loc["harmonic_published"].round(5)) == [-2.24877, 7.71738]
     box = small_run.stability.independence
-    assert round(box.supremum, 4) == 0.4441
-    assert round(box.omega, 2) == 8.82
+    assert round(box.corner.small_gain, 4) == 0.4441
+    assert round(box.corner.small_gain_omega, 2) == 8.82
     assert box.verdict == "stable"
     assert list(box.single_channel["gain_threshold"].round()) == [103229.0, 99402.0]
     assert list(box.single_channel["omega_rad_per_s"].round(2)) == [65.64, 63.12]
-    assert box.curve_radius.max() <= box.supremum * (1 + 1e-12)
-    assert box.curve_radius.max() == pytest.approx(box.supremum, rel=1e-3)
-    assert box.exact_margin >= box.margin
+    assert box.curve["radius"].max() <= box.corner.small_gain * (1 + 1e-12)
+    assert box.curve["radius"].max() == pytest.approx(box.corner.small_gain, rel=1e-3)
+    assert box.corner.margin >= box.margin
     assert not small_run.undecided
 
 
@@ -132,17 +132,17 @@ def test_sweeps_of_every_line(small_run):
     lines = {(line.design, line.line): line for line in small_run.stability.lines}
     assert len(lines) == 6 * 2
     for line in lines.values():
-        assert line.figure_values.shape == (len(line.figure_names), line.figure_omega.size)
-        assert line.crossings.empty
-        assert line.proven
-        assert line.delay_margin == np.inf
+        assert line.sweep.crossings.empty
+        assert line.stable_for_every_delay
     alone = lines["random_published", "tau2"]
-    assert (alone.start, alone.direction, alone.tau_of_design) == ((0.5530, 0.0), (0.0, 1.0), 0.5186)
+    assert (tuple(alone.sweep.start), tuple(alone.sweep.direction)) == ((0.5530, 0.0), (0.0, 1.0))
+    assert alone.tau_of_design == 0.5186
+    figure = alone.sweep.figure_data
     # |z2| on the axis, from det Z with the front channel closed: z2 = -Z(no rear gain)/(slope in the rear gain)
-    s = 1j * alone.figure_omega
+    s = 1j * figure["omega"].to_numpy()
     without = oracles.characteristic_function(s, (19345.0, 0.0), (0.5530, 0.0))
     with_rear = oracles.characteristic_function(s, (19345.0, 26150.0), (0.5530, 0.0))
-    assert alone.figure_values[0] == pytest.approx(np.abs(without / (with_rear - without)), rel=1e-6)
+    assert figure["z1"].to_numpy() == pytest.approx(np.abs(without / (with_rear - without)), rel=1e-6)
 
 
 def test_histories_have_the_shapes_they_say(small_run):
@@ -359,11 +359,11 @@ def test_a_quarter_car_with_other_feedback(quarter_run):
 
 def test_the_sweep_loses_stability_at_the_margin(quarter_run):
     line = next(x for x in quarter_run.stability.lines if (x.design, x.line) == ("late", "equal"))
-    assert not line.proven
-    assert 0 < line.delay_margin < 0.2
+    assert not line.stable_for_every_delay
+    assert 0 < line.sweep.delay_margin < 0.2
     assert line.tau_of_design == 0.2
-    assert line.crossings["tau"].min() == pytest.approx(line.delay_margin)
-    assert line.stable_intervals[0] == (0.0, pytest.approx(line.delay_margin))
+    assert line.sweep.crossings["tau"].min() == pytest.approx(line.sweep.delay_margin)
+    assert line.sweep.stable_intervals[0] == (0.0, pytest.approx(line.sweep.delay_margin))
 
 
 def test_an_unstable_design_is_simulated_but_has_no_stationary_value(quarter_run):

@@ -151,7 +151,8 @@ def delay_independent_stability(sys: Any) -> DelayIndependence:
 
     def verdict(stable: bool | None, delays: FloatArray | None, message: str) -> DelayIndependence:
         factor, sure = (limit, exact) if plant_stable else (0.0, True)
-        return DelayIndependence(stable, factor, omega, small, small_omega, sure, delays, message)
+        at, below, below_at = float(omega), float(small), float(small_omega)
+        return DelayIndependence(stable, float(factor), at, below, below_at, bool(sure), delays, message)
 
     if not _stable(*loop.undelayed_eigenvalues()):
         return verdict(False, np.zeros(n), "it is not stable without delays")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -29,13 +30,30 @@ _OFFSET = (np.sqrt(2.0) - 1.0, np.sqrt(3.0) - 1.0)
 Count = Callable[[float, float], "int | None"]
 
 
+@dataclass(frozen=True, eq=False)
 class Raster:
-    """Points of the rectangle on which connected regions are told apart."""
+    """Points of the rectangle from `low` to `high` on which connected regions are told apart."""
 
-    def __init__(self, low: FloatArray, high: FloatArray) -> None:
-        self.low, self.step = low, (high - low) / _RASTER
-        columns, rows = (low[k] + self.step[k] * (np.arange(_RASTER) + _OFFSET[k]) for k in (0, 1))
-        self.x, self.y = np.tile(columns, _RASTER), np.repeat(rows, _RASTER)
+    low: FloatArray
+    high: FloatArray
+
+    @cached_property
+    def step(self) -> FloatArray:
+        """Distance of the points along each axis."""
+        return (self.high - self.low) / _RASTER
+
+    @cached_property
+    def x(self) -> FloatArray:
+        """First coordinate of every point, row by row."""
+        return np.tile(self._along(0), _RASTER)
+
+    @cached_property
+    def y(self) -> FloatArray:
+        """Second coordinate of every point."""
+        return np.repeat(self._along(1), _RASTER)
+
+    def _along(self, axis: int) -> FloatArray:
+        return np.asarray(self.low[axis] + self.step[axis] * (np.arange(_RASTER) + _OFFSET[axis]))
 
     def nearest(self, x: FloatArray, y: FloatArray) -> np.ndarray:
         """Return the number of the raster point next to each point."""

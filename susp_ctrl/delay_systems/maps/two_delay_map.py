@@ -96,7 +96,8 @@ def stability_map(
     problem = _Problem(system, numbers, x, y)
     low, high = np.array([x.low, y.low]), np.array([x.high, y.high])
     raster = Raster(low, high)
-    origin = (low[0] + 0.381966 * (high[0] - low[0]), low[1] + 0.618034 * (high[1] - low[1]))
+    x0, y0 = low + np.array([0.381966, 0.618034]) * (high - low)
+    origin = (float(x0), float(y0))
     for fineness in _FINENESS:
         segments = problem.segments(fineness)
         regions = map_regions(raster, *_changes(segments, origin, raster), problem.count)

@@ -6,6 +6,7 @@ from functools import partial
 from itertools import chain
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as MatplotlibFigure
@@ -14,7 +15,7 @@ from susp_ctrl import plotting
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
 from susp_ctrl.report.formatting import capital, exact_text, number_text, symbol_text
 from susp_ctrl.report.looks import labels
-from susp_ctrl.study.results import DelayIndependence, DelayLine, StabilitySection, StudyRun
+from susp_ctrl.study.results import BoxProof, StabilitySection, StudyRun, SweptLine
 
 
 def stability_section(run: StudyRun) -> Section | None:
@@ -64,12 +65,12 @@ def stability_section(run: StudyRun) -> Section | None:
 
 
 def _lines(run: StudyRun, data: StabilitySection) -> list[Block]:
-    crossings = pd.concat([_keyed(line, line.crossings) for line in data.lines], ignore_index=True)
+    crossings = pd.concat([_keyed(line, line.sweep.crossings) for line in data.lines], ignore_index=True)
     tables = [
         Table(
             key="delay_intervals",
             caption="Intervals of the delay parameter τ with the number of unstable roots in each.",
-            frame=pd.concat([_keyed(line, line.intervals) for line in data.lines], ignore_index=True),
+            frame=pd.concat([_keyed(line, line.sweep.intervals) for line in data.lines], ignore_index=True),
             shown=_interval_rows(run, data),
             columns=(
                 Column("label", "design"),
@@ -118,14 +119,14 @@ def _lines(run: StudyRun, data: StabilitySection) -> list[Block]:
     return [*tables, *sweeps, intervals]
 
 
-def _by_kind(data: StabilitySection) -> dict[str, list[DelayLine]]:
-    kinds: dict[str, list[DelayLine]] = {}
+def _by_kind(data: StabilitySection) -> dict[str, list[SweptLine]]:
+    kinds: dict[str, list[SweptLine]] = {}
     for line in data.lines:
         kinds.setdefault(line.line, []).append(line)
     return kinds
 
 
-def _keyed(line: DelayLine, table: pd.DataFrame) -> pd.DataFrame:
+def _keyed(line: SweptLine, table: pd.DataFrame) -> pd.DataFrame:
     keyed = table.copy()
     keyed.insert(0, "design", line.design)
     keyed.insert(1, "line", line.line)
@@ -140,9 +141,9 @@ def _interval_rows(run: StudyRun, data: StabilitySection) -> pd.DataFrame:
             "label": names[line.design],
             "design_at": line.tau_of_design,
             "margin": _margin(line),
-            "crossings": len(line.crossings),
+            "crossings": len(line.sweep.crossings),
         }
-        for interval in line.intervals.to_dict(orient="records"):
+        for interval in line.sweep.intervals.to_dict(orient="records"):
             rows.append(
                 {
                     "line": f"{capital(_line_title(data, line.line))}: τ is the {line.parameter}",
@@ -168,35 +169,31 @@ def _curve_name(name: str) -> str:
     return "ρ" if name == "rho" else f"|{symbol_text(name)}|" if name.startswith("z") else name
 
 
-def _margin(line: DelayLine) -> str:
-    if line.delay_margin != line.delay_margin:
-        return "none met"
-    if line.delay_margin == float("inf"):
-        return "∞ (proven)" if line.proven else "∞"
-    return number_text(line.delay_margin, 6)
+def _margin(line: SweptLine) -> str:
+    if line.stable_for_every_delay:
+        return "∞ (proven)"
+    margin = line.sweep.delay_margin
+    return "none met" if np.isnan(margin) else number_text(margin, 6)
 
 
-def _draw_sweeps(run: StudyRun, lines: list[DelayLine]) -> MatplotlibFigure:
+def _draw_sweeps(run: StudyRun, lines: list[SweptLine]) -> MatplotlibFigure:
     names = labels(run)
 
-    def draw(line: DelayLine, ax: Axes) -> None:
-        curves = [_curve_name(name) for name in line.figure_names]
+    def draw(line: SweptLine, ax: Axes) -> None:
+        data = line.sweep.figure_data
+        curves = {_curve_name(name): data[name].to_numpy() for name in data.columns if name != "omega"}
         plotting.draw_unit_modulus(
-            line.figure_omega,
-            dict(zip(curves, line.figure_values, strict=True)),
+            data["omega"].to_numpy(),
+            curves,
             ax,
-            crossings=line.crossings["omega"].to_numpy(),
-            ylabel=_modulus_name(line),
+            crossings=line.sweep.crossings["omega"].to_numpy(),
+            ylabel="spectral radius ρ" if "rho" in data else "|z|",
             styles=dict(zip(curves, (2, 1, 3, 4), strict=False)),
             legend=False,
             title=names[line.design],
         )
 
     return plotting.panels(lines, draw, columns=3, height=(0.5, 1.65), legend=4, one_ylabel=True, sharex=True)
-
-
-def _modulus_name(line: DelayLine) -> str:
-    return "|z|" if all("z" in name for name in line.figure_names) else "spectral radius ρ"
 
 
 def _draw_intervals(run: StudyRun, data: StabilitySection) -> MatplotlibFigure:
@@ -208,7 +205,9 @@ def _draw_intervals(run: StudyRun, data: StabilitySection) -> MatplotlibFigure:
         rows = {
             names[line.design]: [
                 (float(start), float(stop), int(roots))
-                for start, stop, roots in line.intervals[["tau_from", "tau_to", "unstable_roots"]].to_numpy()
+                for start, stop, roots in line.sweep.intervals[
+                    ["tau_from", "tau_to", "unstable_roots"]
+                ].to_numpy()
             ]
             for line in same
         }
@@ -228,8 +227,9 @@ def _draw_intervals(run: StudyRun, data: StabilitySection) -> MatplotlibFigure:
     return plotting.panels(list(kinds), draw, columns=1, height=(height, 0.0), legend=4, height_ratios=counts)
 
 
-def _independence(proof: DelayIndependence) -> list[Block]:
-    corner = ", ".join(f"{exact_text(gain)}" for gain in proof.gains["gain"])
+def _independence(proof: BoxProof) -> list[Block]:
+    corner = proof.corner
+    gains = ", ".join(f"{exact_text(gain)}" for gain in proof.gains["gain"])
     units = ", ".join(dict.fromkeys(proof.gains["unit"]))
     outcome = {
         "stable": "Since this is below 1, every design inside the box is stable for every pair of delays.",
@@ -238,10 +238,10 @@ def _independence(proof: DelayIndependence) -> list[Block]:
     }[proof.verdict]
     return [
         Text(
-            f"The whole search box at once: at its corner (gains {corner} {units}) the supremum of "
-            f"ρ(|G(jω)| diag|g|) is {number_text(proof.supremum, 5)}, at ω = {number_text(proof.omega, 5)} rad/s. "
+            f"The whole search box at once: at its corner (gains {gains} {units}) the supremum of ρ(|G(jω)| diag|g|) "
+            f"is {number_text(corner.small_gain, 5)}, at ω = {number_text(corner.small_gain_omega, 5)} rad/s. "
             f"{outcome} All gains could grow by the factor {number_text(proof.margin, 5)} before this proof fails, and "
-            f"by {number_text(proof.exact_margin, 5)} before some delays do destabilise the loop."
+            f"by {number_text(corner.margin, 5)} before some delays do destabilise the loop."
         ),
         Table(
             key="delay_independence",
@@ -263,11 +263,11 @@ def _independence(proof: DelayIndependence) -> list[Block]:
     ]
 
 
-def _draw_independence(proof: DelayIndependence) -> MatplotlibFigure:
+def _draw_independence(proof: BoxProof) -> MatplotlibFigure:
     figure, axes = plotting.new_figure(height=2.3)
     plotting.draw_unit_modulus(
-        proof.curve_omega,
-        {"ρ(|G(jω)| diag|g|)": proof.curve_radius},
+        proof.curve["omega"].to_numpy(),
+        {"ρ(|G(jω)| diag|g|)": proof.curve["radius"].to_numpy()},
         axes[0, 0],
         ylabel="spectral radius",
         styles={"ρ(|G(jω)| diag|g|)": "tuned"},

@@ -10,10 +10,14 @@ import pandas as pd
 from matplotlib.figure import Figure as MatplotlibFigure
 
 from susp_ctrl import plotting
+from susp_ctrl.arrays import FloatArray
+from susp_ctrl.delay_systems import DelayIndependence
 from susp_ctrl.report.blocks import Block, Column, Figure, Section, Table, Text
 from susp_ctrl.report.formatting import exact_text, number_text, signal_text, symbol_text, unit_text
 from susp_ctrl.report.looks import labels
 from susp_ctrl.study.results import MapAxis, StabilityMapCase, StudyRun
+
+_RASTER = 300  # points of the picture along each axis
 
 
 def maps_section(run: StudyRun) -> Section | None:
@@ -29,7 +33,7 @@ def maps_section(run: StudyRun) -> Section | None:
         ),
         _overview(run),
     ]
-    drawn = [case for case in cases if len(case.curves)]
+    drawn = [case for case in cases if case.map.segments.count]
     if drawn:
         blocks.append(_regions(run, drawn))
     for case in drawn:
@@ -67,6 +71,12 @@ def axis_label(axis: MapAxis) -> str:
     """Return the name of an axis: symbol, meaning, unit."""
     kind, _, signal = axis.text.partition(" of ")
     return f"{_symbol(axis)}, {kind} of {signal_text(signal)} ({axis_scale(axis)[1]})"
+
+
+def picture(case: StabilityMapCase) -> tuple[FloatArray, FloatArray, np.ndarray]:
+    """Return the unstable roots at evenly spaced points of a map, shape (y, x), after both coordinates."""
+    x, y = (np.linspace(*ends, _RASTER) for ends in (case.map.x_range, case.map.y_range))
+    return x, y, case.map.unstable_roots(x, y[:, None])
 
 
 def _symbol(axis: MapAxis) -> str:
@@ -115,6 +125,10 @@ def _distance(case: StabilityMapCase) -> str:
     return f"{number_text(case.distance, 4)} {unit_text(case.x.unit)}"
 
 
+def _lost_at(independence: DelayIndependence) -> str:
+    return f"{'' if independence.exact else '≥ '}{number_text(independence.margin, 5)}"
+
+
 def _overview(run: StudyRun) -> Table:
     rows: list[dict[str, Any]] = [
         {
@@ -127,13 +141,13 @@ def _overview(run: StudyRun) -> Table:
             "y": case.y.name,
             "y_from": case.y.low,
             "y_to": case.y.high,
-            "regions": len(case.regions),
+            "regions": len(case.map.regions),
             "stable_share": case.stable_share,
             "unstable_roots_at_design": case.point_roots,
             "distance_of_design": case.distance,
-            "delay_independence_lost_at_gain_factor": case.lost_at,
-            "at_omega_rad_per_s": case.lost_omega,
-            "confirmed": case.confirmed,
+            "delay_independence_lost_at_gain_factor": case.independence.margin,
+            "at_omega_rad_per_s": case.independence.omega,
+            "confirmed": case.map.decided,
         }
         for case in run.stability_maps
     ]
@@ -142,11 +156,9 @@ def _overview(run: StudyRun) -> Table:
         title=[map_title(run, case) for case in run.stability_maps],
         plane=[f"Over {_plane(case)}" for case in run.stability_maps],
         roots=[str(case.point_roots) if case.point_roots >= 0 else "outside" for case in run.stability_maps],
-        agreement=["agree" if case.confirmed else "DIFFER" for case in run.stability_maps],
+        agreement=["agree" if case.map.decided else "DIFFER" for case in run.stability_maps],
         away=[_distance(case) for case in run.stability_maps],
-        factor=[
-            f"{'' if case.lost_exact else '≥ '}{number_text(case.lost_at, 5)}" for case in run.stability_maps
-        ],
+        factor=[_lost_at(case.independence) for case in run.stability_maps],
     )
     return Table(
         key="stability_maps",
@@ -215,16 +227,17 @@ def _draw(case: StabilityMapCase) -> MatplotlibFigure:
         across, upward = both if case.x.is_delay else both[::-1]
         limit = (scales[0] * across, scales[1] * upward)
         limit_label = "highest stable gain" if np.isnan(low).all() else "limits of the stable gain"
+    x, y, unstable = picture(case)
     figure, axes = plotting.new_figure(height=2.6)
     plotting.draw_stability_map(
-        scales[0] * case.x_values,
-        scales[1] * case.y_values,
-        case.unstable_roots,
-        scales * case.curves,
+        scales[0] * x,
+        scales[1] * y,
+        unstable,
+        scales * np.stack([case.map.segments.start, case.map.segments.end], axis=1),
         axes[0, 0],
         xlabel=axis_label(case.x),
         ylabel=axis_label(case.y),
-        design=(scales[0] * case.point[0], scales[1] * case.point[1]),
+        design=(scales[0] * case.map.design[0], scales[1] * case.map.design[1]),
         limit=limit,
         limit_label=limit_label,
     )

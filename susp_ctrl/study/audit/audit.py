@@ -17,9 +17,9 @@ from susp_ctrl.study.audit.rows import AuditRow, audit_summary, audit_table, com
 from susp_ctrl.study.audit.tables import audit_printed_table
 from susp_ctrl.study.results import (
     AuditSection,
-    DelayLine,
     FrequencySection,
     StabilitySection,
+    SweptLine,
     TimeCase,
     TuningRun,
 )
@@ -107,12 +107,12 @@ def _interval_rows(
     if not lines:
         return []
     upper = printed_number(printed.upper)
-    losses = [line.delay_margin for line in lines if np.isfinite(line.delay_margin)]
+    losses = [line.sweep.delay_margin for line in lines if np.isfinite(line.sweep.delay_margin)]
     computed = min(losses, key=lambda loss: abs(loss - upper.value)) if losses else _without_loss(lines)
     evidence = " ".join(filter(None, (_line_evidence(lines), _box_evidence(stability), _earlier(printed))))
     compare = partial(compared, printed.item, tolerance=tolerance, evidence=evidence)
     rows = [compare("upper end of the stable interval", printed.upper, computed, "s")]
-    found = np.concatenate([line.crossings["omega"].to_numpy(dtype=float) for line in lines])
+    found = np.concatenate([line.sweep.crossings["omega"].to_numpy(dtype=float) for line in lines])
     for text in printed.crossings:
         value = printed_number(text).value
         nearest = float(found[np.argmin(np.abs(found - value))]) if found.size else np.nan
@@ -120,17 +120,19 @@ def _interval_rows(
     return rows
 
 
-def _without_loss(lines: list[DelayLine]) -> float:
+def _without_loss(lines: list[SweptLine]) -> float:
     """Return inf if every line is proven stable for ever, else nan."""
-    return float("inf") if all(line.proven for line in lines) else float("nan")
+    return float("inf") if all(line.stable_for_every_delay for line in lines) else float("nan")
 
 
-def _line_evidence(lines: list[DelayLine]) -> str:
-    crossings = sum(len(line.crossings) for line in lines)
+def _line_evidence(lines: list[SweptLine]) -> str:
+    crossings = sum(len(line.sweep.crossings) for line in lines)
     names = ", ".join(line.line for line in lines)
     if crossings:
         return f"Sweeps along {names}: {crossings} crossings of the axis."
-    proven = ", stability proven for every delay" if all(line.proven for line in lines) else ""
+    proven = (
+        ", stability proven for every delay" if all(line.stable_for_every_delay for line in lines) else ""
+    )
     return f"Sweeps along {names}: no crossing of the axis at any frequency{proven}."
 
 
@@ -140,8 +142,8 @@ def _box_evidence(stability: StabilitySection) -> str:
         return ""
     gains = ", ".join(f"{gain:g}" for gain in box.gains["gain"])
     return (
-        f"sup rho(|G| diag|g|) = {box.supremum:.4f} < 1 at the corner of the search box, g = ({gains}) N/m: every "
-        "design in it is stable whatever its delays."
+        f"sup rho(|G| diag|g|) = {box.corner.small_gain:.4f} < 1 at the corner of the search box, g = ({gains}) N/m: "
+        "every design in it is stable whatever its delays."
     )
 
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import pandas as pd
 
-from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems import VerdictWord
+from susp_ctrl.delay_systems import VERDICT_WORDS, DelayIndependence, DelaySweep, VerdictWord
 
 
 @dataclass(frozen=True)
-class DelayLine:
-    """Frequency sweep of one design along one line of the delay plane, ``delays(tau) = start + tau direction``.
+class SweptLine:
+    """Frequency sweep of one design along one line of the delay plane.
 
     Attributes
     ----------
@@ -23,85 +23,58 @@ class DelayLine:
         of the delay that varies alone (``"tau2"``: the other keeps its value).
     label : str
         The line in words.
-    start, direction : tuple of float
-        Of the line, one entry per channel (s, and s per unit of tau).
-    up_to : float
-        Largest tau of the sweep.
     tau_of_design : float or None
         The tau at which the line passes through the design itself; None if it does not.
     parameter : str
         What tau is: ``"delay (s)"`` or ``"multiple of the design's delays"``.
-    figure_omega : ndarray, shape (n,)
-        Angular frequency of the figure (rad/s).
-    figure_values : ndarray, shape (curves, n)
-        |z(jw)| of every root of the characteristic polynomial in z, or the spectral radius (one curve); nan where a
-        root does not exist. Crossings are where a curve meets 1.
-    figure_names : tuple of str
-        One name per curve.
-    crossings : DataFrame
-        Columns ``tau, omega, tendency``.
-    intervals : DataFrame
-        Columns ``tau_from, tau_to, unstable_roots``.
-    stable_intervals : tuple of (float, float)
-        Intervals of tau without unstable roots.
-    delay_margin : float
-        First loss of stability; inf only if proven for all tau, nan if none was met up to `up_to` and none is proven.
-    proven : bool
-        Whether stability on the whole line (all tau >= 0) is proven.
+    sweep : DelaySweep
+        Line, crossings, intervals and delay margin.
     """
 
     design: str
     line: str
     label: str
-    start: tuple[float, ...]
-    direction: tuple[float, ...]
-    up_to: float
     tau_of_design: float | None
     parameter: str
-    figure_omega: FloatArray
-    figure_values: FloatArray
-    figure_names: tuple[str, ...]
-    crossings: pd.DataFrame
-    intervals: pd.DataFrame
-    stable_intervals: tuple[tuple[float, float], ...]
-    delay_margin: float
-    proven: bool
+    sweep: DelaySweep
+
+    @property
+    def stable_for_every_delay(self) -> bool:
+        """Whether stability on the whole line (all tau >= 0) is proven."""
+        return self.sweep.delay_margin == math.inf
 
 
 @dataclass(frozen=True)
-class DelayIndependence:
+class BoxProof:
     """Small-gain proof for the whole search box: stable whatever the delays.
 
     Attributes
     ----------
     gains : DataFrame
         The corner of the box: ``measured, actuator, gain, unit``.
-    verdict : {"stable", "unstable", "undecided"}
-        ``"stable"``: proven for every gain up to the corner and every delay.
-    supremum : float
-        Small gain: sup_w rho(|G(jw)| diag|g|) at the corner; below 1 is the proof for every smaller gain as well.
-    margin : float
-        Factor by which all gains could grow before this proof fails, 1/supremum.
-    exact_margin : float
-        Factor at which some delays do destabilise the loop (where that is not known exactly, a bound); >= `margin`.
-    omega : float
-        Where the supremum is taken (rad/s).
+    corner : DelayIndependence
+        Of the loop at the corner; if it is stable by its `small_gain`, every smaller gain is as well.
     single_channel : DataFrame
         One channel at a time: ``measured, actuator, gain_threshold, omega_rad_per_s, unit``; smaller gains are stable
         for every delay.
-    curve_omega, curve_radius : ndarray, shape (n,)
-        rho(|G(jw)| diag|g|) at the corner over the frequency (rad/s).
+    curve : DataFrame
+        Columns ``omega`` (rad/s) and ``radius``: rho(|G(jw)| diag|g|) at the corner.
     """
 
     gains: pd.DataFrame
-    verdict: VerdictWord
-    supremum: float
-    margin: float
-    exact_margin: float
-    omega: float
+    corner: DelayIndependence
     single_channel: pd.DataFrame
-    curve_omega: FloatArray
-    curve_radius: FloatArray
+    curve: pd.DataFrame
+
+    @property
+    def verdict(self) -> VerdictWord:
+        """``"stable"``: proven for every gain up to the corner and every delay."""
+        return VERDICT_WORDS[self.corner.stable]
+
+    @property
+    def margin(self) -> float:
+        """Factor by which all gains could grow before the small-gain proof fails."""
+        return 1.0 / self.corner.small_gain if self.corner.small_gain else math.inf
 
 
 @dataclass(frozen=True)
@@ -116,13 +89,13 @@ class StabilitySection:
         delay_independent`` ("proven" | "not proven"), ``agreement`` (what each method counted), ``reason`` (in words).
     roots : DataFrame
         Rightmost roots: ``design, real, imaginary`` (imaginary >= 0; 1/s and rad/s), ``damping_ratio, frequency_Hz``.
-    lines : tuple of DelayLine
+    lines : tuple of SweptLine
         Frequency sweeps, one per design and line.
-    independence : DelayIndependence or None
+    independence : BoxProof or None
         Of the search box.
     """
 
     verdicts: pd.DataFrame
     roots: pd.DataFrame
-    lines: tuple[DelayLine, ...]
-    independence: DelayIndependence | None
+    lines: tuple[SweptLine, ...]
+    independence: BoxProof | None

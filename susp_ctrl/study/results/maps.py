@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
+from susp_ctrl.delay_systems import DelayIndependence, StabilityMap
 
 
 @dataclass(frozen=True)
@@ -52,34 +54,10 @@ class StabilityMapCase:
     gain_factor : float
         All gains are this multiple of the design's (but for one that is free).
     x, y : MapAxis
-    x_values : ndarray, shape (n,)
-    y_values : ndarray, shape (m,)
-        Values along the axes of `unstable_roots`.
-    unstable_roots : ndarray of int, shape (m, n)
-        Number of unstable roots; -1 where it is not known.
-    curves : ndarray, shape (k, 2, 2)
-        Crossing curves as segments: segment, end, coordinate. With a point on one a root lies on the axis.
-    crossing_band : (float, float)
-        Lowest and highest crossing frequency on the curves (rad/s); nan without curves.
-    regions : DataFrame
-        One row per connected region: ``unstable_roots, area`` (share of the rectangle), ``x, y`` (a point well
-        inside), ``counted`` (unstable roots there by the argument principle, -1 where not counted).
-    counts : DataFrame
-        One row per number of unstable roots: ``unstable_roots, regions, area``.
-    point : (float, float)
-        Where the design lies; its gains times `gain_factor`.
-    point_roots : int
-        Unstable roots there; -1 where the design lies outside of the map.
-    distance : float
-        From the design to the nearest curve, in the unit of the axes, or in shares of the ranges where one axis
-        is a gain and the other a delay; inf without curves, nan where the design lies outside.
-    lost_at : float
-        Multiple of the design's gains at which some delays first destabilise it (a lower bound if not `lost_exact`).
-    lost_omega : float
-        At this frequency (rad/s).
-    lost_exact : bool
-    confirmed : bool
-        Whether independent counts in the regions agree with the curves.
+    map : StabilityMap
+        Curves, regions, and where the design lies; its gains times `gain_factor`.
+    independence : DelayIndependence
+        Of the design itself: from which multiple of its gains on some delays destabilise it.
     gain_limits : DataFrame or None
         Where a gain and a delay are free and the gain zero lies in its range: for delays over the whole range
         ``delay_s``, ``gain_from, gain_to`` (the stable gains around zero: nan where no curve was met up to the end
@@ -92,20 +70,8 @@ class StabilityMapCase:
     gain_factor: float
     x: MapAxis
     y: MapAxis
-    x_values: FloatArray
-    y_values: FloatArray
-    unstable_roots: NDArray[np.int_]
-    curves: FloatArray
-    crossing_band: tuple[float, float]
-    regions: pd.DataFrame
-    counts: pd.DataFrame
-    point: tuple[float, float]
-    point_roots: int
-    distance: float
-    lost_at: float
-    lost_omega: float
-    lost_exact: bool
-    confirmed: bool
+    map: StabilityMap
+    independence: DelayIndependence
     gain_limits: pd.DataFrame | None
 
     @property
@@ -114,9 +80,37 @@ class StabilityMapCase:
         return f"{self.key}_{self.design}"
 
     @property
+    def crossing_band(self) -> tuple[float, float]:
+        """Lowest and highest crossing frequency on the curves (rad/s); nan without curves."""
+        omega = self.map.segments.omega
+        return (float(omega.min()), float(omega.max())) if omega.size else (math.nan, math.nan)
+
+    @property
+    def counts(self) -> pd.DataFrame:
+        """One row per number of unstable roots: ``unstable_roots, regions, area``."""
+        grouped = self.map.regions.groupby("unstable_roots")["area"]
+        return pd.DataFrame({"regions": grouped.size(), "area": grouped.sum()}).reset_index()
+
+    @property
     def stable_share(self) -> float:
         """Stable share of the rectangle."""
         return float(self.counts.loc[self.counts["unstable_roots"] == 0, "area"].sum())
+
+    @property
+    def holds_the_design(self) -> bool:
+        """Whether the design lies in the rectangle."""
+        ranges = (self.map.x_range, self.map.y_range)
+        return all(low <= at <= high for at, (low, high) in zip(self.map.design, ranges, strict=True))
+
+    @property
+    def point_roots(self) -> int:
+        """Unstable roots of the design; -1 where it lies outside of the map."""
+        return int(self.map.unstable_roots(*self.map.design)) if self.holds_the_design else -1
+
+    @property
+    def distance(self) -> float:
+        """From the design to the nearest curve, as `StabilityMap.distance`; nan where the design lies outside."""
+        return float(self.map.distance(*self.map.design)) if self.holds_the_design else math.nan
 
 
 @dataclass(frozen=True)
@@ -125,8 +119,7 @@ class MapExplorer:
 
     Attributes
     ----------
-    map : StabilityMapCase
-        The map.
+    case : StabilityMapCase
     x_values : ndarray, shape (n,)
     y_values : ndarray, shape (m,)
         The grid.
@@ -146,7 +139,7 @@ class MapExplorer:
         The same of the vehicle without control.
     """
 
-    map: StabilityMapCase
+    case: StabilityMapCase
     x_values: FloatArray
     y_values: FloatArray
     roots: ComplexArray

@@ -19,7 +19,10 @@ import numpy as np
 import pandas as pd
 
 from susp_ctrl import __version__
-from susp_ctrl.delay_systems import FeedbackChannel
+from susp_ctrl.delay_systems import DelayIndependence, DelaySweep, FeedbackChannel, StabilityMap
+from susp_ctrl.delay_systems.crossings import DelayLine
+from susp_ctrl.delay_systems.maps import MapRegions, Raster, Segments
+from susp_ctrl.delay_systems.model import CharacteristicMatrix
 from susp_ctrl.errors import InputError
 from susp_ctrl.study.results import delay_stability, maps, pade, study_run
 from susp_ctrl.study.results.study_run import StudyRun
@@ -29,8 +32,10 @@ RESULTS = "results.npz"
 """Name of the file in the folder of a report."""
 
 
-# All data classes of this folder: a new part of a run needs no entry here.
-_CLASSES: dict[str, Any] = {"FeedbackChannel": FeedbackChannel} | {
+# What a run keeps as it was computed, and all data classes of this folder: a new part of a run needs no entry here.
+_COMPUTED = (FeedbackChannel, DelaySweep, DelayLine, CharacteristicMatrix, DelayIndependence)
+_OF_MAPS = (StabilityMap, Segments, MapRegions, Raster)
+_CLASSES: dict[str, Any] = {kind.__name__: kind for kind in (*_COMPUTED, *_OF_MAPS)} | {
     name: kind
     for module in (study_run, delay_stability, maps, pade)
     for name, kind in vars(module).items()

@@ -20,7 +20,7 @@ from susp_ctrl.delay_systems import (
     sweep_delays,
 )
 from susp_ctrl.errors import UndecidedStabilityWarning
-from susp_ctrl.study.results import DelayIndependence, DelayLine, Design, StabilitySection
+from susp_ctrl.study.results import BoxProof, Design, StabilitySection, SweptLine
 from susp_ctrl.study.sections.workbench import Report, Workbench
 from susp_ctrl.study.settings import BoxSettings, StabilitySettings, gain_unit
 
@@ -89,7 +89,7 @@ def _roots(design: Design, loop: DelayLTI, count: int) -> list[dict[str, object]
     ]
 
 
-def delay_line(design: Design, loop: DelayLTI, name: str, settings: StabilitySettings) -> DelayLine | None:
+def delay_line(design: Design, loop: DelayLTI, name: str, settings: StabilitySettings) -> SweptLine | None:
     """Sweep a loop along one line of delays; None where the design has no such line."""
     own = np.array([channel.delay for channel in design.channels])
     start, up_to, at = np.zeros(own.size), settings.up_to, None
@@ -112,28 +112,10 @@ def delay_line(design: Design, loop: DelayLTI, name: str, settings: StabilitySet
         label = f"{name} alone" + (f", {fixed}" if fixed else "")
     with warnings.catch_warnings(action="ignore", category=UndecidedStabilityWarning):
         swept = sweep_delays(loop, direction=direction, start=start, up_to=up_to)
-    curves = swept.figure_data.set_index("omega")
-    return DelayLine(
-        design=design.key,
-        line=name,
-        label=label,
-        start=tuple(start.tolist()),
-        direction=tuple(direction.tolist()),
-        up_to=up_to,
-        tau_of_design=at,
-        parameter=parameter,
-        figure_omega=curves.index.to_numpy(),
-        figure_values=curves.to_numpy().T,
-        figure_names=tuple(curves.columns),
-        crossings=swept.crossings,
-        intervals=swept.intervals,
-        stable_intervals=tuple(swept.stable_intervals),
-        delay_margin=float(swept.delay_margin),
-        proven=swept.delay_margin == np.inf,
-    )
+    return SweptLine(design.key, name, label, at, parameter, swept)
 
 
-def _independence(bench: Workbench, box: Sequence[BoxSettings]) -> DelayIndependence:
+def _independence(bench: Workbench, box: Sequence[BoxSettings]) -> BoxProof:
     """Ask for delay-independent stability at the corner of the box, for all channels and for each alone."""
     corner = [FeedbackChannel(b.measured, b.actuator, abs(b.gain), 1.0) for b in box]
     whole = delay_independent_stability(close_loop(bench.plant, corner))
@@ -142,20 +124,15 @@ def _independence(bench: Workbench, box: Sequence[BoxSettings]) -> DelayIndepend
     units = [gain_unit(b.measured) for b in box]
     centre = max(whole.small_gain_omega, 1e-3)
     omega = np.geomspace(centre / 30, centre * 30, _CURVE_POINTS)
-    return DelayIndependence(
+    return BoxProof(
         gains=paths.assign(gain=[b.gain for b in box], unit=units),
-        verdict=VERDICT_WORDS[whole.stable],
-        supremum=float(whole.small_gain),
-        margin=float(1.0 / whole.small_gain) if whole.small_gain else np.inf,
-        exact_margin=float(whole.margin),
-        omega=float(whole.small_gain_omega),
+        corner=whole,
         single_channel=paths.assign(
             gain_threshold=[one.margin * c.gain for one, c in zip(alone, corner, strict=True)],
             omega_rad_per_s=[one.omega for one in alone],
             unit=units,
         ),
-        curve_omega=omega,
-        curve_radius=_radius(bench, corner, omega),
+        curve=pd.DataFrame({"omega": omega, "radius": _radius(bench, corner, omega)}),
     )
 
 

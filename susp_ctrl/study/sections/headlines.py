@@ -36,9 +36,8 @@ def _stability_line(stability: StabilitySection | None) -> str:
     line = f"Stability of {len(verdicts)} designs: {told}"
     box = stability.independence
     if box is not None and box.verdict == "stable":
-        line += (
-            f"; every design in the search box is stable for all delays (small gain {box.supremum:.4f} < 1)"
-        )
+        gain = box.corner.small_gain
+        line += f"; every design in the search box is stable for all delays (small gain {gain:.4f} < 1)"
     return f"{line}."
 
 

@@ -37,7 +37,7 @@ def map_explorers(run: StudyRun, report: Report | None = None) -> Mapping[str, M
         By the name of the map; maps without any crossing curve are left out.
     """
     settings = {entry.key: entry for entry in run.study.settings.stability_maps}
-    asked = [c for c in run.stability_maps if settings[c.key].explorer is not None and len(c.curves)]
+    asked = [c for c in run.stability_maps if settings[c.key].explorer is not None and c.map.segments.count]
     told = report or (lambda share: None)
     found: dict[str, MapExplorer] = {}
     for case in asked:
@@ -74,7 +74,7 @@ def _explorer(run: StudyRun, case: StabilityMapCase, entry: MapSettings, report:
                 responses[i, j] = _response(here, times, inputs, row)
             report((i + 1) / y.size)
     return MapExplorer(
-        map=case,
+        case=case,
         x_values=x,
         y_values=y,
         roots=roots,

@@ -21,7 +21,6 @@ from susp_ctrl.study.results import Design, MapAxis, StabilityMapCase
 from susp_ctrl.study.sections.workbench import Report, Workbench
 from susp_ctrl.study.settings import MapSettings, gain_unit
 
-_RASTER = 300  # points of the picture along each axis
 _LIMIT_DELAYS = 161
 
 
@@ -66,33 +65,15 @@ def _case(bench: Workbench, design: Design, settings: MapSettings) -> StabilityM
             loop, **{name: settings.range(name) for name in settings.free}, channels=numbers
         )
         proof = delay_independent_stability(bench.loop(design.key))
-    x_values, y_values = np.linspace(*found.x_range, _RASTER), np.linspace(*found.y_range, _RASTER)
-    inside = all(
-        low <= value <= high
-        for value, (low, high) in zip(found.design, (found.x_range, found.y_range), strict=True)
-    )
-    omega = found.segments.omega
     return StabilityMapCase(
-        key=settings.key,
-        design=design.key,
-        gain_factor=settings.gain_factor,
-        x=_axis(design, settings, first),
-        y=_axis(design, settings, second),
-        x_values=x_values,
-        y_values=y_values,
-        unstable_roots=found.unstable_roots(x_values, y_values[:, None]),
-        curves=np.stack([found.segments.start, found.segments.end], axis=1),
-        crossing_band=(float(omega.min()), float(omega.max())) if omega.size else (np.nan, np.nan),
-        regions=found.regions,
-        counts=_counts(found.regions),
-        point=found.design,
-        point_roots=int(found.unstable_roots(*found.design)) if inside else -1,
-        distance=float(found.distance(*found.design)) if inside else np.nan,
-        lost_at=float(proof.margin),
-        lost_omega=float(proof.omega),
-        lost_exact=bool(proof.exact),
-        confirmed=found.decided,
-        gain_limits=_gain_limits(found, settings) if found.mixed else None,
+        settings.key,
+        design.key,
+        settings.gain_factor,
+        _axis(design, settings, first),
+        _axis(design, settings, second),
+        found,
+        proof,
+        _gain_limits(found, settings) if found.mixed else None,
     )
 
 
@@ -112,12 +93,6 @@ def _axis(design: Design, settings: MapSettings, name: str) -> MapAxis:
     if name.startswith("tau"):
         return MapAxis(name, f"delay of {channel.actuator}", "s", low, high)
     return MapAxis(name, f"gain of {channel.actuator}", gain_unit(str(channel.measured)), low, high)
-
-
-def _counts(regions: pd.DataFrame) -> pd.DataFrame:
-    """Return the number of regions and their area for every number of unstable roots."""
-    grouped = regions.groupby("unstable_roots")["area"]
-    return pd.DataFrame({"regions": grouped.size(), "area": grouped.sum()}).reset_index()
 
 
 def _gain_limits(found: StabilityMap, settings: MapSettings) -> pd.DataFrame | None:

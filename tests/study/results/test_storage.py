@@ -59,18 +59,28 @@ def test_stability_maps_come_back(small_run, tmp_path):
     maps = (map_case("random_published"), map_case("random_published", key="gains", gain=True))
     run = replace(small_run, stability_maps=maps)
     write_run(run, tmp_path / RESULTS)
-    assert_same(run, read_run(tmp_path))
+    again = read_run(tmp_path)
+    assert_same(run, again)
+    assert again.stability_maps[0].map.unstable_roots(0.2, [0.3, 0.5]).tolist() == [0, 2]
+
+
+def test_sweeps_come_back_with_their_figures(small_run, tmp_path):
+    write_run(small_run, tmp_path / RESULTS)
+    for line, again in zip(small_run.stability.lines, read_run(tmp_path).stability.lines, strict=True):
+        assert_same(line.sweep.figure_data, again.sweep.figure_data)
 
 
 def test_infinite_and_missing_numbers_come_back(small_run, tmp_path):
     stability = small_run.stability
-    line = replace(stability.lines[0], delay_margin=np.inf, tau_of_design=None, up_to=float("nan"))
+    line = stability.lines[0]
+    sweep = replace(line.sweep, delay_margin=np.inf, up_to=float("nan"))
+    line = replace(line, sweep=sweep, tau_of_design=None)
     run = replace(small_run, stability=replace(stability, lines=(line,)))
     write_run(run, tmp_path / RESULTS)
     again = read_run(tmp_path).stability.lines[0]
-    assert again.delay_margin == np.inf
+    assert again.sweep.delay_margin == np.inf
     assert again.tau_of_design is None
-    assert np.isnan(again.up_to)
+    assert np.isnan(again.sweep.up_to)
 
 
 def test_missing_and_damaged_files_are_one_line(small_run, tmp_path):

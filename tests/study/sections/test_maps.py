@@ -78,35 +78,37 @@ def explorer(beyond_run):
 def test_published_gains_have_no_curve_and_all_designs_with_the_channels_are_mapped():
     (case,) = cases({"key": "all"})
     assert (case.design, case.x.low, case.x.high) == ("published", 0.0, 1.0)  # the other one has one channel
-    assert len(case.curves) == 0
+    assert case.map.curves.empty
     assert case.distance == np.inf
-    assert case.point == (0.553, 0.5186)
+    assert case.map.design == (0.553, 0.5186)
     assert case.point_roots == 0
     assert case.counts.to_numpy().tolist() == [[0.0, 1.0, 1.0]]
-    assert case.confirmed
+    assert case.map.decided
     # The rear gain alone is lost at 99402 N/m, 63.12 rad/s, and the front one does not help (PAPER, section 4).
-    assert case.lost_at == pytest.approx(99402 / 26150, rel=1e-4)
-    assert case.lost_omega == pytest.approx(63.12, abs=0.01)
+    assert case.independence.margin == pytest.approx(99402 / 26150, rel=1e-4)
+    assert case.independence.omega == pytest.approx(63.12, abs=0.01)
 
 
 @pytest.mark.property
 def test_numbers_of_the_map_equal_counts_at_points_off_the_curves(beyond_run):
     (case,) = beyond_run.stability_maps
-    assert case.confirmed
+    assert case.map.decided
     assert case.counts["area"].sum() == pytest.approx(1.0)
-    assert case.counts["regions"].sum() == len(case.regions)
+    assert case.counts["regions"].sum() == len(case.map.regions)
     assert set(case.counts["unstable_roots"]) >= {0, 2, 4}
     rng = np.random.default_rng(3)
     clear = []
-    for row, column in rng.integers(2, case.unstable_roots.shape[0] - 2, (60, 2)):
-        around = case.unstable_roots[row - 2 : row + 3, column - 2 : column + 3]
+    x_values, y_values = (np.linspace(*ends, 300) for ends in (case.map.x_range, case.map.y_range))
+    unstable = case.map.unstable_roots(x_values, y_values[:, None])
+    for row, column in rng.integers(2, unstable.shape[0] - 2, (60, 2)):
+        around = unstable[row - 2 : row + 3, column - 2 : column + 3]
         if (around == around[2, 2]).all():
             clear.append((row, column))
     assert len(clear) > 15
     for row, column in clear:
-        delays = case.x_values[column], case.y_values[row]
+        delays = x_values[column], y_values[row]
         counted = sc.count_unstable_roots(loop((5.5 * 19345, 5.5 * 26150), delays))
-        assert counted == case.unstable_roots[row, column]
+        assert counted == unstable[row, column]
 
 
 @pytest.mark.analytical
@@ -116,8 +118,9 @@ def test_crossing_curves_satisfy_the_characteristic_equation_of_the_oracle(beyon
     low, high = case.crossing_band
     gains = (5.5 * oracles_gain(0), 5.5 * oracles_gain(1))
     omega = np.linspace(low - 1.0, high + 1.0, 20001)
-    inside = case.curves[np.all((case.curves >= 0.0) & (case.curves <= 0.3), axis=(1, 2))]
-    for start, _ in inside[:: len(inside) // 12]:
+    curves = case.map.curves[["x0", "y0", "x1", "y1"]].to_numpy()
+    inside = curves[np.all((curves >= 0.0) & (curves <= 0.3), axis=1)]
+    for start in inside[:: len(inside) // 12, :2]:
         value = np.abs(np.linalg.det(oracles.dynamic_stiffness(1j * omega, gains, tuple(start))))
         scale = np.abs(np.linalg.det(oracles.dynamic_stiffness(1j * omega)))
         assert (value / scale).min() < 2e-3
@@ -148,7 +151,7 @@ def test_the_least_gain_limit_of_one_channel_is_the_peak_of_its_response():
     assert limits["gain_to"].min() == pytest.approx(threshold, rel=2e-4)
     assert -limits["gain_from"].max() == pytest.approx(threshold, rel=2e-4)
     assert (case.x.name, case.y.name, case.y.unit) == ("tau1", "gain1", "N/m")
-    assert case.point == (0.2, 20000.0)
+    assert case.map.design == (0.2, 20000.0)
 
 
 @pytest.mark.property
