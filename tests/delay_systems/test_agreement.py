@@ -128,7 +128,7 @@ def test_all_methods_agree(seed):
 
 @pytest.mark.property
 @pytest.mark.slow
-@settings(max_examples=1000)
+@settings(max_examples=2000)
 @given(st.integers(2**31, 2**32 - 1))
 def test_all_methods_agree_on_many_systems(seed):
     check_agreement(seed, largest_map=4)

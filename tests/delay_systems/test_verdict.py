@@ -248,7 +248,7 @@ def test_random_verdicts(seed):
 
 @pytest.mark.property
 @pytest.mark.slow
-@settings(max_examples=1000)
+@settings(max_examples=2000)
 @given(st.integers(2**31, 2**32 - 1))
 def test_many_random_verdicts(seed):
     check_verdict(seed)
