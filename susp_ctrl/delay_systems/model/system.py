@@ -35,9 +35,13 @@ from susp_ctrl.delay_systems.model import arithmetic
 from susp_ctrl.delay_systems.model.folding import FoldedLoop, fold
 from susp_ctrl.delay_systems.model.lft import Realization, loop_response
 from susp_ctrl.delay_systems.model.neutral_loops import refuse_neutral
+from susp_ctrl.delay_systems.model.realizations import (
+    split_off_channels,
+    state_delay_realization,
+    state_space,
+    state_space_of,
+)
 from susp_ctrl.delay_systems.model.signal_names import checked_names, signal_labels, system_name
-from susp_ctrl.delay_systems.model.state_delays import state_delay_realization
-from susp_ctrl.delay_systems.model.transfer_functions import split_off_channels, state_space, state_space_of
 from susp_ctrl.errors import InputError
 
 
