@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from susp_ctrl import validation
+from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
-from susp_ctrl.delay_systems.model import Realization
+from susp_ctrl.delay_systems.model import Realization, SystemMatrix, names_together
 from susp_ctrl.errors import InputError
 
 
@@ -123,16 +124,21 @@ def close_loop(
     paths = _checked(channels)
     r = loop_plant(base, paths)
     lags = [f"{_label(c.actuator)}_lag[{k}]" for k, c in enumerate(paths) if c.actuator_bandwidth is not None]
-    return DelayLTI(
+    result = DelayLTI(
         r,
         np.append(base.delays, [c.delay for c in paths]),
         np.append(base.gains, [c.gain for c in paths]),
         (*base.widths, *(1 for _ in paths)),
         inputs=base.input_labels,
         outputs=base.output_labels,
-        states=[*base.state_labels, *lags],
+        states=names_together(base.state_labels, lags),
         name=name,
     )
+    y, u = _places(base, paths)
+    q, p, m = base.ninputs, base.noutputs, len(paths)
+    # inputs of the plant: from outside and from the channels; into the channels: the measured outputs
+    law = np.block([[np.zeros((q, p)), np.eye(q)[:, u]], [np.eye(p)[y], np.zeros((m, m))]])
+    return result.with_written(_written(base, paths, law, np.eye(q + m, q), np.eye(p, p + m)))
 
 
 def open_loop(
@@ -167,11 +173,10 @@ def open_loop(
     if not paths:
         raise InputError("channels is empty: at least one FeedbackChannel is needed")
     r = base.realization
-    actuators = [validation.signal_index("actuator", c.actuator, base.input_labels) for c in paths]
+    measured, actuators = _places(base, paths)
     used = list(dict.fromkeys(actuators))
     lags = [k for k, c in enumerate(paths) if c.actuator_bandwidth is not None]
     n, inner, m = r.n_states, r.n_channels, len(paths)
-    measured = [validation.signal_index("measured", c.measured, base.output_labels) for c in paths]
     rates = np.array([paths[k].actuator_bandwidth for k in lags], dtype=float)
     returned = -np.array([[float(a == u) for a in actuators] for u in used])
     through_lag = np.isin(np.arange(m), lags)
@@ -189,16 +194,50 @@ def open_loop(
         D22=np.block([[r.D22, np.zeros((inner, m))], [r.D12[measured], np.zeros((m, m))]]),
     )
     labels = [base.input_labels[u] for u in used]
-    return DelayLTI(
+    result = DelayLTI(
         realization,
         np.append(base.delays, [c.delay for c in paths]),
         np.append(base.gains, [c.gain for c in paths]),
         (*base.widths, *(1 for _ in paths)),
         inputs=labels,
         outputs=labels,
-        states=[*base.state_labels, *(f"{_label(paths[k].actuator)}_lag[{k}]" for k in lags)],
+        states=names_together(base.state_labels, [f"{_label(paths[k].actuator)}_lag[{k}]" for k in lags]),
         name=name,
     )
+    q, p = base.ninputs, base.noutputs
+    law = np.block([[np.zeros((q, p + m))], [np.eye(p)[measured], np.zeros((m, m))]])
+    entry = np.vstack([np.eye(q)[:, used], np.zeros((m, len(used)))])
+    exit_ = np.hstack([np.zeros((len(used), p)), returned])
+    return result.with_written(_written(base, paths, law, entry, exit_))
+
+
+def _places(base: DelayLTI, paths: Sequence[FeedbackChannel]) -> tuple[list[int], list[int]]:
+    """Return the numbers of the measured outputs and of the inputs that are driven."""
+    return (
+        [validation.signal_index("measured", c.measured, base.output_labels) for c in paths],
+        [validation.signal_index("actuator", c.actuator, base.input_labels) for c in paths],
+    )
+
+
+def _written(
+    base: DelayLTI, paths: Sequence[FeedbackChannel], law: FloatArray, entry: FloatArray, exit_: FloatArray
+) -> SystemMatrix | None:
+    """Return a plant beside its channels, joined, in the polynomials and matrices that the plant was given in."""
+    if base.written is None:
+        return None
+    both = base.written
+    for channel in paths:
+        both = both.beside(_system_matrix_of(channel))
+    return both.joined(law, entry, exit_)
+
+
+def _system_matrix_of(channel: FeedbackChannel) -> SystemMatrix:
+    """Return delay and actuator of a channel: ``(s + b) v = b e^{-s tau} u``, ``y = v``, or the delay alone."""
+    b = channel.actuator_bandwidth
+    if b is None:
+        return SystemMatrix({(0, 0): np.ones((1, 1))}, 0, 1)
+    undelayed = np.array([[b, 0.0], [1.0, 0.0]])
+    return SystemMatrix({(1, None): np.diag([1.0, 0.0]), (0, None): undelayed, (0, 0): np.diag([b], 1)}, 1, 1)
 
 
 def _label(signal: str | int) -> str:

@@ -2,7 +2,9 @@ r"""The stability verdict: three methods, one answer, or none.
 
 * *roots*: the rightmost roots are computed and those with positive real part counted;
 * *argument principle*: the phase of the characteristic determinant along the imaginary axis counts them without
-  computing any (`susp_ctrl.delay_systems.roots.argument_principle`);
+  computing any (`susp_ctrl.delay_systems.roots.argument_principle`); where transfer functions or state delays were
+  given, that of their own polynomials and matrices, so that a realisation that lost something is found out
+  (`susp_ctrl.delay_systems.roots.polynomial_count`);
 * *sweep*: starting from the loop without delay, all delays grow in proportion to their full size and every
   crossing of the imaginary axis is followed; the crossings are found without asking the other two
   (`susp_ctrl.delay_systems.crossings.crossing_search`).
@@ -31,6 +33,7 @@ from susp_ctrl.delay_systems.roots import (
     ContourError,
     RootSet,
     abscissa_by_counts,
+    count_by_polynomials,
     count_right_of,
     is_complete,
     reach_near_axis,
@@ -146,7 +149,7 @@ def _decide(system: DelaySystem) -> StabilityVerdict:
     if K.n_states == 0:
         nothing = np.zeros(0, dtype=complex)
         return _verdict(True, 0, agreement, "the system has no state and no roots", nothing)
-    agreement[ARGUMENT] = counted = _count(K, 0.0)
+    agreement[ARGUMENT] = counted = _count(K, 0.0, system)
     if K.n_channels:
         agreement[SWEEP] = _count_by_sweep(system, counted)
     if counted is not None and counted > _MOST_COMPUTED:
@@ -249,7 +252,15 @@ def _with_roots_on_axis(
     return _verdict(None, None, agreement | {ROOTS: None, ARGUMENT: None}, where, found.roots, known)
 
 
-def _count(K: CharacteristicMatrix, line: float) -> int | None:
+def _count(K: CharacteristicMatrix, line: float, system: DelaySystem | None = None) -> int | None:
+    """Count right of a line; of a system, right of the axis, on what the user wrote, which the roots do not use."""
+    try:
+        if system is not None and system.written is not None:
+            return count_by_polynomials(system.written.closed_by(system.delays, system.gains))
+    except ContourError as problem:
+        if not np.isnan(problem.omega):
+            return None
+        # without a place it is the leading coefficients that leave the number open
     try:
         return count_right_of(K, line)
     except (ContourError, InputError):  # on a root, or so far left that e^{-s tau} has no digits

@@ -16,5 +16,6 @@ from susp_ctrl.delay_systems.model.lft import (
 from susp_ctrl.delay_systems.model.perron import perron_bound, scaled_row_sums
 from susp_ctrl.delay_systems.model.realizations import state_space
 from susp_ctrl.delay_systems.model.rounding import distance_to_singular, eigenvalues_with_uncertainty
-from susp_ctrl.delay_systems.model.signal_names import name_list
+from susp_ctrl.delay_systems.model.signal_names import name_list, names_together
 from susp_ctrl.delay_systems.model.system import DelaySystem
+from susp_ctrl.delay_systems.model.system_matrix import DelayPolynomials, SystemMatrix

@@ -25,6 +25,7 @@ from control.lti import LTI
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.model.lft import Realization, closed
 from susp_ctrl.delay_systems.model.signal_names import are_generic, names_together, positions
+from susp_ctrl.delay_systems.model.system_matrix import SystemMatrix
 from susp_ctrl.errors import InputError
 
 System = TypeVar("System", bound=LTI)
@@ -46,8 +47,7 @@ def multiply(left: System, right: System) -> System:
     inputs = left.input_labels if _keeps_signals(right) else right.input_labels
     outputs = right.output_labels if _keeps_signals(left) else left.output_labels
     both = beside(left, right)
-    realization = _joined(both.realization, law, entry, np.eye(p, p + m))
-    return both.with_parts(realization, inputs=inputs, outputs=outputs)
+    return joined(both, law, entry, np.eye(p, p + m), inputs=inputs, outputs=outputs)
 
 
 def add(left: System, right: System) -> System:
@@ -92,9 +92,9 @@ def closed_around(forward: System, back: System, sign: float) -> System:
         )
     p, q = forward.noutputs, forward.ninputs
     law = np.block([[np.zeros((q, p)), sign * np.eye(q)], [np.eye(p), np.zeros((p, q))]])
-    both = beside(forward, back)
-    realization = _joined(both.realization, law, np.vstack([np.eye(q), np.zeros((p, q))]), np.eye(p, p + q))
-    return both.with_parts(realization, inputs=forward.input_labels, outputs=forward.output_labels)
+    entry = np.vstack([np.eye(q), np.zeros((p, q))])
+    labels = {"inputs": forward.input_labels, "outputs": forward.output_labels}
+    return joined(beside(forward, back), law, entry, np.eye(p, p + q), **labels)
 
 
 def transformed(sys: System, left: FloatArray, right: FloatArray, **labels: Any) -> System:
@@ -102,7 +102,8 @@ def transformed(sys: System, left: FloatArray, right: FloatArray, **labels: Any)
     r = sys.realization
     n, m = np.eye(r.n_states), np.eye(r.n_channels)
     whole = scipy.linalg.block_diag(n, left, m) @ r.matrix @ scipy.linalg.block_diag(n, right, m)
-    return sys.with_parts(r.rebuilt(whole, left.shape[0], right.shape[1]), **labels)
+    matrix = None if sys.written is None else sys.written.transformed(left, right)
+    return sys.with_parts(r.rebuilt(whole, left.shape[0], right.shape[1]), matrix, **labels)
 
 
 def selected(sys: System, key: Any) -> System:
@@ -125,10 +126,14 @@ def selected(sys: System, key: Any) -> System:
     rows = positions("output", key[0], sys.output_labels)
     columns = positions("input", key[1], sys.input_labels)
     labels = {
-        "inputs": [sys.input_labels[k] for k in columns],
-        "outputs": [sys.output_labels[k] for k in rows],
+        "inputs": names_together([], [sys.input_labels[k] for k in columns]),
+        "outputs": names_together([], [sys.output_labels[k] for k in rows]),
     }
-    return sys.with_parts(sys.realization.between(rows, columns), **labels, name=f"{sys.name}$indexed")
+    chosen = np.eye(sys.noutputs)[rows], np.eye(sys.ninputs)[:, columns]
+    matrix = None if sys.written is None else sys.written.transformed(*chosen)
+    return sys.with_parts(
+        sys.realization.between(rows, columns), matrix, **labels, name=f"{sys.name}$indexed"
+    )
 
 
 def beside(left: System, right: System) -> System:
@@ -138,7 +143,7 @@ def beside(left: System, right: System) -> System:
         field.name: scipy.linalg.block_diag(getattr(a, field.name), getattr(b, field.name))
         for field in fields(Realization)
     }
-    return type(left)(
+    both = type(left)(
         Realization(**blocks),
         np.append(left.delays, right.delays),
         np.append(left.gains, right.gains),
@@ -147,10 +152,22 @@ def beside(left: System, right: System) -> System:
         outputs=names_together(left.output_labels, right.output_labels),
         states=names_together(left.state_labels, right.state_labels),
     )
+    if left.written is None and right.written is None:
+        return both
+    return both.with_written(_system_matrix(left).beside(_system_matrix(right)))
+
+
+def _system_matrix(sys: System) -> SystemMatrix:
+    return sys.written or SystemMatrix.of_realization(sys.realization, sys.widths)
+
+
+def joined(sys: System, law: FloatArray, entry: FloatArray, exit_: FloatArray, **labels: Any) -> System:
+    """Close ``u = law y + entry v`` around a system and return it from v to ``exit_ y``."""
+    matrix = None if sys.written is None else sys.written.joined(law, entry, exit_)
+    return sys.with_parts(_joined(sys.realization, law, entry, exit_), matrix, **labels)
 
 
 def _joined(r: Realization, law: FloatArray, entry: FloatArray, exit_: FloatArray) -> Realization:
-    """Close ``u = law y + entry v`` around a plant and return it from v to ``exit_ y``."""
     around = law @ r.D11
     if np.linalg.cond(np.eye(r.n_inputs) - around) > 1e14:
         raise InputError(

@@ -36,10 +36,14 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
+from susp_ctrl.delay_systems.model.rounding import balancing
 
 # Near a pole of P that the loop moves, P22 is large and H comes from P by cancellation. Beyond this size (three
 # digits) the closed matrix is solved directly.
 _LARGE_RETURN = 1e3
+# Poles further apart than this are looked at, and the relative error of outputs that the Schur form may leave.
+_WIDE = 1e3
+_KEPT = 1e-12
 
 
 def closed(m11: NDArray[Any], m12: NDArray[Any], m21: NDArray[Any], m22: NDArray[Any]) -> NDArray[Any]:
@@ -157,14 +161,31 @@ class Realization:
         """The complex Schur form of A, balanced first."""
         if self.n_states == 0:
             return SchurBasis(*(np.zeros((0, 0), dtype=complex) for _ in range(3)))
-        balanced, (scale, _) = scipy.linalg.matrix_balance(self.A, permute=False, separate=True)
-        T, Q = scipy.linalg.schur(balanced, output="complex")
+        scale = balancing(self.A)
+        T, Q = scipy.linalg.schur(self.A / scale[:, None] * scale, output="complex")
         return SchurBasis(T, Q.conj().T / scale, scale[:, None] * Q)
 
     @property
     def eigenvalues(self) -> ComplexArray:
         """Eigenvalues of A."""
         return np.diag(self.schur.triangular)
+
+    @cached_property
+    def has_graded_states(self) -> bool:
+        """Whether states differ so much in size that the unitary basis of the Schur form loses outputs in rounding.
+
+        The poles of a companion form can lie many orders apart. Asked around every pole, by solving directly.
+        """
+        sizes = np.unique(np.abs(self.eigenvalues))
+        # a unitary basis keeps what is within these digits of the largest state
+        if sizes.size < 2 or sizes[-1] < _WIDE * max(sizes[0], 1e-300):
+            return False
+        s = 1j * np.concatenate([sizes, 3.0 * sizes, 1e3 * sizes[-1:]])
+        B, C = np.hstack([self.B1, self.B2]), np.vstack([self.C1, self.C2])
+        direct = _solve_directly(self.A, s, B)
+        error = np.abs(_times(C, _solve_by_schur(self, s, B) - direct))
+        size = _times(np.abs(C), np.abs(direct))
+        return bool(np.any(np.isfinite(size) & (size > 0.0) & ~(error <= _KEPT * size)))
 
     @property
     def fastest(self) -> float:
@@ -217,7 +238,8 @@ def sample_plant(plant: Realization, s: ArrayLike) -> SampledPlant:
     """Evaluate ``P(s) = D + C (sI - A)^-1 B`` at many points at once.
 
     One Schur form serves all points; the triangular systems are solved for all of them together, and one step of
-    iterative refinement on A itself removes the rounding of the change of basis.
+    iterative refinement on A itself removes the rounding of the change of basis. A plant with states of very
+    different sizes is solved point by point instead.
 
     Parameters
     ----------
@@ -233,11 +255,9 @@ def sample_plant(plant: Realization, s: ArrayLike) -> SampledPlant:
     """
     points = np.atleast_1d(np.asarray(s, dtype=complex))
     B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2])
-    _, into, back = plant.schur
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        state = _times(back, _solve_triangular(plant.schur.triangular, points, (into @ B)[..., None]))
-        residual = B[..., None] - points * state + _times(plant.A, state)
-        state += _times(back, _solve_triangular(plant.schur.triangular, points, _times(into, residual)))
+    graded = plant.has_graded_states
+    state = _solve_directly(plant.A, points, B) if graded else _solve_by_schur(plant, points, B)
+    with np.errstate(invalid="ignore", over="ignore"):
         values = _times(C, state)
     p, q = plant.n_outputs, plant.n_inputs
     values[:p, :q] += plant.D11[..., None]
@@ -246,6 +266,28 @@ def sample_plant(plant: Realization, s: ArrayLike) -> SampledPlant:
     values[p:, q:] += plant.D22[..., None]
     by_point = np.moveaxis(values, -1, 0)
     return SampledPlant(by_point[:, :p, :q], by_point[:, :p, q:], by_point[:, p:, :q], by_point[:, p:, q:])
+
+
+def _solve_by_schur(plant: Realization, points: ComplexArray, B: FloatArray) -> ComplexArray:
+    """Return ``(sI - A)^-1 B``, shape (states, columns, points)."""
+    _, into, back = plant.schur
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        state = _times(back, _solve_triangular(plant.schur.triangular, points, (into @ B)[..., None]))
+        residual = B[..., None] - points * state + _times(plant.A, state)
+        state += _times(back, _solve_triangular(plant.schur.triangular, points, _times(into, residual)))
+    return state
+
+
+def _solve_directly(A: FloatArray, points: ComplexArray, B: FloatArray) -> ComplexArray:
+    """Return ``(sI - A)^-1 B``, shape (states, columns, points), by elimination at every point."""
+    matrices = points[:, None, None] * np.eye(A.shape[0]) - A
+    try:
+        state = np.linalg.solve(matrices, B)
+    except np.linalg.LinAlgError:
+        singular = np.linalg.det(matrices) == 0.0
+        state = np.full((points.size, *B.shape), complex(np.nan, np.nan))
+        state[~singular] = np.linalg.solve(matrices[~singular], B)
+    return np.ascontiguousarray(np.moveaxis(state, 0, -1))
 
 
 def _times(matrix: NDArray[Any], stack: ComplexArray) -> ComplexArray:

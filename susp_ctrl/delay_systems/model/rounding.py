@@ -27,6 +27,13 @@ _EPSILON = float(np.finfo(float).eps)
 _ROUNDINGS = 64.0
 
 
+def balancing(matrix: FloatArray) -> FloatArray:
+    """Return powers of two d for which rows and columns of ``diag(d)^-1 M diag(d)`` are even in size."""
+    with np.errstate(invalid="ignore"):  # scipy casts the factors to whole numbers as well, and forgets them
+        _, (scale, _) = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
+    return np.asarray(scale)
+
+
 def eigenvalues_with_uncertainty(
     matrix: FloatArray, terms: FloatArray | None = None
 ) -> tuple[ComplexArray, FloatArray]:

@@ -33,7 +33,7 @@ def signal_labels(kind: str, names: Any, count: int) -> int | list[str]:
     Raises
     ------
     InputError
-        Not as many names as signals, or something that is no name.
+        Not as many names as signals, one that occurs twice, or something that is no name.
     """
     if names is None:
         return count
@@ -43,6 +43,9 @@ def signal_labels(kind: str, names: Any, count: int) -> int | list[str]:
             raise InputError(f"{kind}[{k}] = {name!r} is not allowed: a name is needed")
     if len(given) != count:
         raise InputError(f"{kind} has {len(given)} names: one for each of {count} {kind} is needed")
+    for k, name in enumerate(given):
+        if name in given[:k]:  # python-control would keep one of them
+            raise InputError(f"{kind}[{k}] = {name!r} is not allowed: every name may occur once")
     return list(given)
 
 

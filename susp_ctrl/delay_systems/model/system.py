@@ -1,11 +1,9 @@
 r"""`DelaySystem`: the data of a linear system with any number of exact delays, its value at any point, arithmetic.
 
-Every algorithm takes it; `susp_ctrl.DelayLTI`, the class that users hold, adds the dialect of python-control on top
-of them.
-
-The system is kept in the linear fractional form of `susp_ctrl.delay_systems.model.lft`. The delays are kept as the
-user gave them: their number and order, zero and equal ones too. Algorithms work on `DelaySystem.folded`, in which
-gains are absorbed, delay-free channels closed and idle ones dropped.
+Every algorithm takes it; `susp_ctrl.DelayLTI` adds the dialect of python-control on top of them. It is kept in the
+linear fractional form of `susp_ctrl.delay_systems.model.lft`, with the delays as given: their number and order, zero
+and equal ones too. Algorithms work on `DelaySystem.folded`. What was given as transfer functions or state delays is
+kept beside it as it was `written`.
 
 A *retarded* system has no direct path from a delayed signal around the loop to itself. With such a path it is
 *neutral*: an infinitely small delay can create infinitely many unstable roots [1]_. A neutral loop is refused
@@ -20,6 +18,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from numbers import Real
 from typing import Any, Self
@@ -36,20 +35,20 @@ from susp_ctrl.delay_systems.model.folding import FoldedLoop, fold
 from susp_ctrl.delay_systems.model.lft import Realization, loop_response
 from susp_ctrl.delay_systems.model.neutral_loops import refuse_neutral
 from susp_ctrl.delay_systems.model.realizations import (
+    checked_state_delays,
+    is_number_like,
     split_off_channels,
     state_delay_realization,
     state_space,
-    state_space_of,
+    taken_in,
 )
 from susp_ctrl.delay_systems.model.signal_names import checked_names, signal_labels, system_name
+from susp_ctrl.delay_systems.model.system_matrix import SystemMatrix
 from susp_ctrl.errors import InputError
 
 
 class DelaySystem(LTI):
-    """A plant P closed through delayed signals, with names; `DelayLTI` documents its arguments.
-
-    Algorithms take it, and whatever they derive from it is of the class they were given.
-    """
+    """A plant P closed through delayed signals, with names; `DelayLTI` documents its arguments."""
 
     def __init__(
         self,
@@ -89,10 +88,11 @@ class DelaySystem(LTI):
             name=system_name(name),
             dt=0,
         )
-        for array in (tau, g):
-            array.setflags(write=False)
+        tau.setflags(write=False)
+        g.setflags(write=False)
         self._realization = realization
         self._delays, self._gains, self._widths = tau, g, tuple(blocks)
+        self._written: SystemMatrix | None = None
         refuse_neutral(self.folded)
 
     @classmethod
@@ -132,8 +132,11 @@ class DelaySystem(LTI):
         InputError
             Shapes or numbers that do not fit.
         """
-        plant, tau, widths = state_delay_realization(A, delays, B, C, D, input_terms)
-        return cls(plant, tau, widths=widths, **checked_names(names))
+        given, tau = checked_state_delays(A, delays, B, C, D, input_terms)
+        plant, widths = state_delay_realization(*given)
+        return cls(plant, tau, widths=widths, **checked_names(names)).with_written(
+            SystemMatrix.of_state_delays(*given)
+        )
 
     @property
     def realization(self) -> Realization:
@@ -154,6 +157,11 @@ class DelaySystem(LTI):
     def widths(self) -> tuple[int, ...]:
         """Number of signals that share each delay."""
         return self._widths
+
+    @property
+    def written(self) -> SystemMatrix | None:
+        """The system in the polynomials or delayed matrices that were given; None where `realization` is what was."""
+        return self._written
 
     @property
     def plant(self) -> control.StateSpace:
@@ -193,18 +201,9 @@ class DelaySystem(LTI):
         if isinstance(system, cls):
             return system
         if isinstance(system, DelaySystem):
-            return cls(**system._settings)
-        if isinstance(system, control.TransferFunction):
-            return cls(state_space_of(system, name), name=system.name)
-        if isinstance(system, control.StateSpace):
-            return cls(system, name=system.name)
-        if _is_number_like(system):
-            D = validation.matrix(name, system)
-            p, q = D.shape
-            return cls(Realization.from_matrix(D, 0, p, q))
-        raise InputError(
-            f"{name} is a {type(system).__name__}: a linear continuous-time system or a number is needed"
-        )
+            return cls(**system._settings).with_written(system.written)
+        plant, written, label = taken_in(system, name)
+        return cls(plant, name=label).with_written(written)
 
     @property
     def _settings(self) -> dict[str, Any]:
@@ -220,15 +219,33 @@ class DelaySystem(LTI):
         }
 
     def _with(self, **changes: Any) -> Self:
-        return type(self)(**(self._settings | changes))
+        return type(self)(**(self._settings | changes)).with_written(
+            None if "plant" in changes else self._written
+        )
 
-    def with_parts(self, plant: Realization, **names: Any) -> Self:
+    def with_written(self, matrix: SystemMatrix | None) -> Self:
+        """Return the same system with what it was made from.
+
+        Parameters
+        ----------
+        matrix : SystemMatrix or None
+
+        Returns
+        -------
+        DelayLTI
+        """
+        result = copy(self)
+        result._written = matrix
+        return result
+
+    def with_parts(self, plant: Realization, matrix: SystemMatrix | None, **names: Any) -> Self:
         """Return a system with the same states and delays around another plant, its signals named anew.
 
         Parameters
         ----------
         plant : Realization
-            Plant with as many states and delayed signals.
+        matrix : SystemMatrix or None
+            The same in what was given, None if that is `plant` itself.
         **names
             ``inputs``, ``outputs``, ``name``; generic ones where they are missing.
 
@@ -236,7 +253,8 @@ class DelaySystem(LTI):
         -------
         DelayLTI
         """
-        return self._with(plant=plant, **({"inputs": None, "outputs": None, "name": None} | names))
+        labels = {"inputs": None, "outputs": None, "name": None} | names
+        return self._with(plant=plant, **labels).with_written(matrix)
 
     def with_delays(self, delays: ArrayLike) -> Self:
         """Return the same system with other delays (s), one for each of `delays`.
@@ -322,8 +340,6 @@ class DelaySystem(LTI):
         """Return the gain at s = 0 (delays are transparent there)."""
         return self._dcgain(warn_infinite)
 
-    # --------------------------------------------------------------------------------------------- operators
-
     # Arrays and numpy numbers on the left leave the operation to this class instead of taking it apart.
     __array_ufunc__ = None
 
@@ -365,7 +381,7 @@ class DelaySystem(LTI):
         self, operation: Callable[[Self, Self], Self], other: Any, other_first: bool = False
     ) -> Self:
         known = (DelaySystem, control.StateSpace, control.TransferFunction)
-        if not isinstance(other, known) and not _is_number_like(other):
+        if not isinstance(other, known) and not is_number_like(other):
             return NotImplemented
         converted = self.of(other, "operand")
         return operation(converted, self) if other_first else operation(self, converted)
@@ -381,10 +397,3 @@ class DelaySystem(LTI):
         )
 
     __repr__ = __str__
-
-
-def _is_number_like(value: Any) -> bool:
-    """Whether a value can stand for a constant gain; truth values and complex numbers cannot."""
-    if isinstance(value, (bool, np.bool_, np.complexfloating)):
-        return False
-    return isinstance(value, (Real, np.number, np.ndarray, list, tuple))

@@ -7,6 +7,7 @@ from susp_ctrl.delay_systems.roots.argument_principle import (
     count_roots_right_of,
     count_unstable_roots,
 )
+from susp_ctrl.delay_systems.roots.polynomial_count import count_by_polynomials
 from susp_ctrl.delay_systems.roots.rightmost import (
     FIRST_ANGLE,
     RootSet,
