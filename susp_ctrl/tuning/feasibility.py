@@ -15,6 +15,10 @@ its path is at most :math:`\sum_S |g_S| (V_S + \tau_S W_S)` with :math:`V_S = \i
 value of the step is the true one. Intervals without this certificate are refined twice by eight; a design
 that is still without it counts as infeasible. Where :math:`\rho(|P_{22}| \mathrm{diag}|\bar g|)` is small, f
 stays in the right half plane and no grid is needed at all.
+
+A pole of the plant on the line (an integrator) makes f infinite there. It is moved to the left by a further channel
+without delay, :math:`A' = A - \sigma\Pi` with the projector Pi on its modes, whose gain is always one: the
+determinant of the larger matrix has the same zeros and no such pole.
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from susp_ctrl.arrays import FloatArray
@@ -41,6 +46,8 @@ STEP = 0.5
 # The chords of the finest grid are shorter than the curve they replace.
 CHORD_ALLOWANCE = 1.02
 UNDECIDED = 0.5
+# Real parts of poles below this share of the fastest pole are looked on as zero.
+_ON_THE_LINE = 1e-9
 
 
 class SmallGain(NamedTuple):
@@ -106,7 +113,7 @@ class StabilityTest:
     Raises
     ------
     InputError
-        If the plant has poles on the line itself, or too many channels to count.
+        Too many channels to count; poles on the line itself, as of integrators, count as one channel each.
     """
 
     def __init__(
@@ -118,19 +125,18 @@ class StabilityTest:
         delay_tolerance: float = 0.0,
     ) -> None:
         self._decay, self._tolerance = decay, delay_tolerance
-        self._plant = _shifted(realization, decay)
-        poles = self._plant.eigenvalues
-        if np.any(np.abs(poles.real) <= 1e-9 * np.abs(poles).max(initial=0.0)):
-            raise InputError(
-                f"the plant has a pole on the line Re s = {-decay:g}: stability cannot be counted along it"
-            )
-        self._plant_poles = int(np.count_nonzero(poles.real > 0))
-        self.plant_stable = self._plant_poles == 0
-        channels = realization.n_channels
         limits = gain_limits * np.exp(decay * delay_limits * (1.0 + delay_tolerance))
+        self._plant, self._fixed, where = _off_the_line(_shifted(realization, decay), limits)
+        self._plant_poles = int(np.count_nonzero(self._plant.eigenvalues.real > 0))
+        self.plant_stable = self._plant_poles == 0 and not self._fixed
+        channels = realization.n_channels + self._fixed
+        limits = np.append(limits, np.ones(self._fixed))
+        delay_limits = np.append(delay_limits, np.zeros(self._fixed))
         # |arg f| <= m asin(radius) stays below a quarter turn up to this level.
         level = 0.98 * np.sin(np.pi / (2 * max(channels, 1)))
-        self.corner = SmallGain(*small_gain_supremum(self._plant, limits))
+        self.corner = SmallGain(np.inf, where)
+        if not self._fixed:
+            self.corner = SmallGain(*small_gain_supremum(self._plant, limits))
         self.proven = self.plant_stable and self.corner.supremum < 1.0
         if self.proven:
             return
@@ -167,7 +173,9 @@ class StabilityTest:
         """
         if self.proven:
             return np.zeros(len(gains)), np.ones(len(gains), dtype=bool)
-        scaled = gains * np.exp(self._decay * delays)
+        fixed = np.ones((len(gains), self._fixed))
+        scaled = np.hstack([gains * np.exp(self._decay * delays), fixed])
+        delays = np.hstack([delays, 0.0 * fixed])
         sizes = np.stack([np.abs(scaled[:, s]).prod(axis=1) for s in self._sets], axis=1)
         totals = np.stack([delays[:, s].sum(axis=1) for s in self._sets], axis=1)
 
@@ -283,6 +291,40 @@ def _base_grid(
         nodes.append(cut[1:])
         gap.append(np.zeros(pieces, dtype=bool))
     return np.concatenate(nodes), np.concatenate(gap)
+
+
+def _off_the_line(plant: Realization, limits: FloatArray) -> tuple[Realization, int, float]:
+    """Move poles on the imaginary axis to the left by channels of gain one; return their number and the place of one.
+
+    Poles that rounding might put on either side are moved as well: what is counted stays exact.
+    """
+    poles = plant.eigenvalues
+    size = np.abs(poles)
+    reach = _ON_THE_LINE * size.max(initial=0.0)
+    narrow = np.abs(poles.real) <= reach
+    if not np.any(narrow):
+        return plant, 0, np.nan
+    # the modes to be moved come first; the projector on them splits off the others
+
+    def moves(real: float, _imaginary: float) -> bool:
+        return abs(real) <= reach
+
+    T, Q, count = scipy.linalg.schur(plant.A, output="real", sort=moves)
+    Y = scipy.linalg.solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
+    into, out = Q[:, :count], (Q[:, :count] - Q[:, count:] @ Y.T).T
+    # as far as the nearest of the other poles is away, or as the loop is fast
+    others = size[~narrow & (size > 0.0)]
+    speed = np.abs(plant.B2) @ (np.abs(limits)[:, None] * np.abs(plant.C2))
+    shift = float(others.min()) if others.size else float(np.abs(np.linalg.eigvals(speed)).max()) or 1.0
+    whole = plant.matrix
+    grown = np.zeros((whole.shape[0] + count, whole.shape[1] + count))
+    grown[: whole.shape[0], : whole.shape[1]] = whole
+    n = plant.n_states
+    grown[:n, :n] -= shift * into @ out
+    grown[:n, whole.shape[1] :] = shift * into
+    grown[whole.shape[0] :, :n] = out
+    moved = Realization.from_matrix(grown, n, plant.n_outputs, plant.n_inputs)
+    return moved, count, float(np.abs(poles[narrow].imag).min())
 
 
 def _shifted(r: Realization, decay: float) -> Realization:

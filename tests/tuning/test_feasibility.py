@@ -8,9 +8,8 @@ import pytest
 from oracles import characteristic_function
 from tuning.tuning_case import PAIRS, random_designs
 
-from susp_ctrl.delay_systems import FeedbackChannel, loop_plant
+from susp_ctrl.delay_systems import FeedbackChannel, close_loop, count_unstable_roots, loop_plant
 from susp_ctrl.delay_systems.model.lft import Realization
-from susp_ctrl.errors import InputError
 from susp_ctrl.tuning.counting_grid import counting_grid
 from susp_ctrl.tuning.feasibility import StabilityTest
 from susp_ctrl.vehicle import HalfCar
@@ -183,9 +182,47 @@ def test_delay_tolerance_keeps_off_the_limit():
     assert passed[delays[:, 0] < 0.8 * limit].all()
 
 
-def test_pole_on_the_axis_is_refused():
-    with pytest.raises(InputError, match="pole on the line"):
-        StabilityTest(scalar(0.0), np.array([1.0]), np.ones(1))
+@pytest.mark.analytical
+@pytest.mark.parametrize("speed", [1e-6, 1.0, 1e6])
+def test_a_delayed_integrator_in_any_unit_of_time(speed):
+    """x' = -k x(t - tau): stable for 0 < k tau < pi/2, then two roots more every 2 pi; k < 0 has one root."""
+    test = StabilityTest(scalar(0.0), np.array([10.0 * speed]), np.array([2.0 / speed]))
+    assert not test.plant_stable
+    product = np.array([0.01, 0.99 * np.pi / 2, 1.01 * np.pi / 2, 2.49 * np.pi, 2.51 * np.pi, 5.0 * np.pi])
+    gains, delays = -product[:, None] * speed, np.ones((6, 1)) / speed
+    roots, certain = test.count(gains, delays)
+    assert certain.all()
+    assert roots.tolist() == [0, 0, 2, 2, 4, 6]
+    assert test.count(np.array([[0.5 * speed]]), np.array([[1.0 / speed]]))[0].tolist() == [1]
+    # without gain the root stays on the axis: neither side can be certain
+    assert test.violations(np.zeros((1, 1)), np.ones((1, 1))).tolist() == [0.5]
+
+
+@pytest.mark.property
+@pytest.mark.parametrize("channels", [1, 2])
+@pytest.mark.parametrize(
+    "A",
+    [
+        [[0.0, 0.0], [0.0, -1.3]],
+        [[0.0, 1.5], [-1.5, 0.0]],
+        [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, -2.0]],
+        [[0.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 0.3]],
+        [[0.0, 1.0, 0.0, 0.0], [-4.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, -1.0]],
+    ],
+)
+def test_plants_with_poles_on_the_axis_against_the_count_of_one_loop(A, channels):
+    """Integrators, double ones, undamped oscillators, with an unstable pole beside: counted on det K(s)."""
+    A = np.array(A)
+    rng = np.random.default_rng(channels)
+    plant = control.ss(A, rng.normal(size=(len(A), channels)), rng.normal(size=(channels, len(A))), 0)
+    paths = [FeedbackChannel(k, k, 1.0, 0.1) for k in range(channels)]
+    test = StabilityTest(loop_plant(plant, paths), np.full(channels, 2.0), np.ones(channels))
+    gains, delays = rng.uniform(-2, 2, (30, channels)), rng.uniform(0, 1, (30, channels))
+    roots, certain = test.count(gains, delays)
+    assert certain.mean() > 0.6
+    for k in np.flatnonzero(certain):
+        designs = [p.replace(gain=g, delay=d) for p, g, d in zip(paths, gains[k], delays[k], strict=True)]
+        assert count_unstable_roots(close_loop(plant, designs)) == roots[k]
 
 
 def test_channels_without_gain_are_stable_with_a_stable_plant():

@@ -450,3 +450,20 @@ def test_verdict_of_the_published_design_is_the_papers():
         (loop,) = p.loops(x)
         assert stability(loop).abscissa == pytest.approx(abscissa, abs=1e-5)
         assert p.violations(np.array([x], dtype=float))[0] == 0
+
+
+@pytest.mark.analytical
+def test_an_integrator_is_tuned_to_its_double_root():
+    """x' = -k x(t - tau), tau fixed: the best k = 1/(e tau) puts a double root at -1/tau."""
+    plant = control.ss(0.0, [[1.0, 1.0]], 1.0, 0.0, inputs=["d", "u"], outputs=["x"])
+    problem = TuningProblem(
+        plant,
+        pairs=[("x", "u")],
+        objective=SpectralAbscissa(),
+        gain_bounds=[(-3.0, 0.0)],
+        delay_bounds=[(0.5, 0.500001)],
+    )
+    best = tune(problem, particles=12, iterations=20)
+    assert best.success
+    assert best.fun == pytest.approx(-2.0, abs=1e-4)
+    assert best.x[0] == pytest.approx(-1.0 / (0.5 * np.e), rel=1e-4)
