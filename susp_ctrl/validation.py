@@ -44,7 +44,10 @@ def number(
     )
     if isinstance(value, bool) or not scalar:
         raise InputError(f"{name} = {value!r} is not allowed: {wanted} is needed")
-    result = float(np.asarray(value, dtype=float).reshape(()))
+    try:
+        result = float(np.asarray(value, dtype=float).reshape(()))
+    except OverflowError:  # an int of hundreds of digits
+        raise InputError(f"{name} is beyond the range of numbers: {wanted} is needed") from None
     if not math.isfinite(result) or not all(holds(result) for _, holds in allowed):
         raise InputError(f"{name} = {result:g} is not allowed: {wanted} is needed")
     return result
@@ -127,6 +130,31 @@ def sequence(name: str, value: Any) -> Sequence[Any]:
     raise InputError(f"{name} = {value!r} is not allowed: a sequence is needed")
 
 
+def mapping(name: str, value: Any) -> Mapping[Any, Any]:
+    """Return `value` if it is a mapping with at least one entry."""
+    if not isinstance(value, Mapping) or not value:
+        raise InputError(f"{name} = {value!r} is not allowed: a mapping with at least one entry is needed")
+    return value
+
+
+def function(name: str, value: Any) -> Any:
+    """Return `value` if it can be called."""
+    if not callable(value):
+        raise InputError(f"{name} = {value!r} is not allowed: a function is needed")
+    return value
+
+
+def array(name: str, value: ArrayLike) -> FloatArray:
+    """Return `value` as a finite float array of any shape."""
+    try:
+        result = _real(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value!r} is not allowed: an array of numbers is needed") from None
+    if not np.all(np.isfinite(result)):
+        raise InputError(f"{name} is not allowed: finite numbers are needed")
+    return result
+
+
 def complex_array(name: str, value: ArrayLike) -> NDArray[np.complex128]:
     """Return `value` as an array of complex numbers of any shape; nan and infinity pass."""
     try:
@@ -187,7 +215,11 @@ def _numbers(value: ArrayLike) -> NDArray[Any]:
             isinstance(entry, Number) and not isinstance(entry, (bool, np.bool_)) for entry in array.flat
         ):
             raise TypeError("no numbers")
-        array = array.astype(complex if any(isinstance(entry, complex) for entry in array.flat) else float)
+        kind = complex if any(isinstance(entry, complex) for entry in array.flat) else float
+        try:
+            array = array.astype(kind)
+        except OverflowError:  # an int of hundreds of digits
+            raise TypeError("numbers beyond the range") from None
     elif array.dtype.kind not in "iufc":
         raise TypeError("no numbers")
     elif isinstance(value, (list, tuple)) and _has_truth_values(value):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,13 @@ class VehicleLike(Protocol):
 
     @property
     def tires(self) -> Sequence[TireLike]: ...  # noqa: D102
+
+
+def checked_vehicle(vehicle: Any) -> VehicleLike:
+    """Return a vehicle with tires, or say that it is none."""
+    if not hasattr(vehicle, "tires"):
+        raise InputError(f"vehicle is a {type(vehicle).__name__}: a vehicle with tires is needed")
+    return cast(VehicleLike, vehicle)
 
 
 def signal_unit(name: str) -> str:

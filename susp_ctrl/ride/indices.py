@@ -18,6 +18,7 @@ from susp_ctrl.ride.comfort import exposure, mean_square
 from susp_ctrl.ride.indicators import (
     COMFORT_WEIGHTS,
     VehicleLike,
+    checked_vehicle,
     indicator_signals,
     seat_combination,
     signal_unit,
@@ -92,6 +93,8 @@ def ride_indices(
     skip = validation.number("skip", skip, at_least=0.0)
     limit = None if stroke_limit is None else validation.number("stroke_limit", stroke_limit, above=0.0)
     labels = list(signals)
+    if vehicle is not None:
+        checked_vehicle(vehicle)
     seat = seat_combination(labels, seat_position)
     if seat is not None:
         signals["seat_acceleration"] = seat @ np.array([signals[name] for name in labels])
@@ -141,8 +144,9 @@ def compare_indices(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     InputError
         If there is no table.
     """
-    if not tables:
-        raise InputError("tables is empty: at least one table is needed")
+    for name, table in validation.mapping("tables", tables).items():
+        if not isinstance(table, pd.DataFrame) or not {"indicator", "value", "unit"} <= set(table.columns):
+            raise InputError(f"tables[{name!r}] is no table of ride_indices or stationary_rms")
     columns = {name: table.set_index("indicator")["value"] for name, table in tables.items()}
     reference_name, reference = next(iter(columns.items()))
     shared = [name for name in reference.index if all(name in column.index for column in columns.values())]

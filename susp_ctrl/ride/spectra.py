@@ -9,6 +9,7 @@ from typing import Any, Self
 import control
 import numpy as np
 import pandas as pd
+from control.lti import LTI
 from numpy.typing import ArrayLike
 
 from susp_ctrl import validation
@@ -107,6 +108,8 @@ class RoadResponse:
         cls, system: Any, road: Any, lags: Mapping[str, float] | None, seat_position: float | None
     ) -> Self:
         """Check the arguments of a public function and return the response they mean."""
+        if not isinstance(system, LTI):
+            raise InputError(f"system is a {type(system).__name__}: a linear system is needed")
         labels = list(system.output_labels)
         rows = np.eye(len(labels))
         seat = seat_combination(labels, seat_position)

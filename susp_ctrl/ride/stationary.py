@@ -13,7 +13,7 @@ from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import integrate
 from susp_ctrl.errors import InputError
-from susp_ctrl.ride.indicators import VehicleLike, signal_unit
+from susp_ctrl.ride.indicators import VehicleLike, checked_vehicle, signal_unit
 from susp_ctrl.ride.indices import Row, comfort_total
 from susp_ctrl.ride.spectra import RoadResponse, require_stable
 
@@ -89,6 +89,8 @@ def stationary_rms(
        Longman, 1993, chapter 7 (response of a linear system to several correlated inputs).
     """
     rtol = validation.number("rtol", rtol, above=0.0, below=1.0)
+    if vehicle is not None:
+        checked_vehicle(vehicle)
     response = RoadResponse.of(system, road, lags, seat_position)
     if not known_stable:
         require_stable(system)

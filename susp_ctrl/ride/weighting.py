@@ -71,10 +71,7 @@ def iso2631_weighting(omega: ArrayLike, weighting: str = "Wk") -> ComplexArray:
     [0.482 1.036]
     """
     shape = _WEIGHTINGS[validation.one_of("weighting", weighting, _WEIGHTINGS)]
-    omega = np.asarray(omega, dtype=float)
-    if not np.all(np.isfinite(omega)):
-        raise InputError("omega is not allowed: finite numbers are needed")
-    s = 1j * omega
+    s = validation.array("omega", omega).astype(complex) * 1j
     high_pass = s**2 / _quadratic(s, _LOW_HZ, _BAND_Q) / (2 * np.pi * _LOW_HZ) ** 2
     transition = (1 + s / (2 * np.pi * shape.f3)) / _quadratic(s, shape.f4, shape.q4)
     result = high_pass * transition / _quadratic(s, _HIGH_HZ, _BAND_Q)
@@ -121,9 +118,9 @@ def weighted_history(values: ArrayLike, step: float, weighting: str = "Wk") -> F
     """
     step = validation.number("step", step, above=0.0)
     validation.one_of("weighting", weighting, _WEIGHTINGS)
-    signal = np.asarray(values, dtype=float)
-    if signal.ndim == 0 or not np.all(np.isfinite(signal)):
-        raise InputError("values is not allowed: finite samples along the last axis are needed")
+    signal = validation.array("values", values)
+    if signal.ndim == 0 or signal.shape[-1] == 0:
+        raise InputError(f"values has shape {signal.shape}: samples along the last axis are needed")
     count = signal.shape[-1]
     padded = scipy.fft.next_fast_len(count + int(np.ceil(_TAIL / step)), real=True)
     omega = 2 * np.pi * scipy.fft.rfftfreq(padded, step)

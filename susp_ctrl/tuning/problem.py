@@ -277,7 +277,7 @@ class TuningProblem:
 
 def _checked_pairs(pairs: Any) -> tuple[tuple[str, str], ...]:
     try:
-        clean = tuple((measured, actuator) for measured, actuator in pairs)
+        clean = tuple((measured, actuator) for measured, actuator in validation.sequence("pairs", pairs))
     except (TypeError, ValueError):
         raise InputError(
             f"pairs = {pairs!r} is not allowed: a list of (measured output, actuator input) is needed"
@@ -291,7 +291,7 @@ def _bounds(name: str, bounds: Any, count: int, checked: Callable[..., FloatArra
     """Return bounds as (count, 2); one (lower, upper) serves all."""
     try:
         array = np.asarray(bounds, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.empty(0)
     if array.shape == (2,):
         array = np.tile(array, (count, 1))

@@ -141,6 +141,7 @@ def pso(
     .. [3] J. Kennedy, R. Mendes, "Population structure and particle swarm performance", CEC, 2002.
     """
     low, high = _box(lower, upper)
+    validation.function("objective", objective)
     count = validation.integer("particles", particles, at_least=2)
     steps = validation.integer("iterations", iterations, at_least=0)
     rng = validation.random_generator(seed)

@@ -80,6 +80,7 @@ def pade_approximation(sys: DelaySystem, order: Orders, omega_max: float | None 
     stable loops can appear unstable and unstable ones stable. Eigenvalues far to the left, where ``|e^{-s tau}|``
     exceeds 1e12, are those of rounding.
     """
+    sys = DelaySystem.of(sys, "sys")
     orders = channel_orders(sys, order, HIGHEST_ORDER)
     if omega_max is not None:
         _warn_if_low(sys, orders, validation.number("omega_max", omega_max, above=0.0))
@@ -116,6 +117,7 @@ def pade_order(sys: DelaySystem, omega_max: float, tolerance: float = 1e-2) -> i
     """
     omega = validation.number("omega_max", omega_max, above=0.0)
     allowed = validation.number("tolerance", tolerance, above=0.0)
+    sys = DelaySystem.of(sys, "sys")
     longest = float(np.max(sys.channel_delays[at_work(sys)], initial=0.0))
     needed = _order_needed(omega * longest, allowed)
     if needed is None:

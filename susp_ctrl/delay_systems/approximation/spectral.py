@@ -66,6 +66,7 @@ def spectral_approximation(sys: DelaySystem, order: Orders) -> control.StateSpac
     ----------
     .. [1] D. Breda, S. Maset, R. Vermiglio, SIAM J. Sci. Comput. 27(2), 2005.
     """
+    sys = DelaySystem.of(sys, "sys")
     return with_delays_replaced(sys, channel_orders(sys, order, HIGHEST_ORDER), _transport_line, "line")
 
 

@@ -172,7 +172,7 @@ class Factor:
     name: str = ""
 
     def __init__(self, keys: str | Sequence[str], spread: Any, name: str = "") -> None:
-        given = (keys,) if isinstance(keys, str) else tuple(keys)
+        given = (keys,) if isinstance(keys, str) else tuple(validation.sequence("keys", keys))
         if not given or not all(isinstance(key, str) and key for key in given):
             raise InputError(f"keys = {keys!r} is not allowed: a key of the study, or several, is needed")
         if len(set(given)) != len(given):
@@ -193,7 +193,7 @@ class Factor:
         if isinstance(factors, Mapping):
             result = tuple(cls(keys, spread) for keys, spread in factors.items())
         else:
-            result = tuple(factors)
+            result = tuple(validation.sequence("factors", factors))
             for factor in result:
                 if not isinstance(factor, Factor):
                     raise InputError(f"factors: {factor!r} is not allowed: a Factor is needed")
