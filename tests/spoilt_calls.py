@@ -44,7 +44,7 @@ BAD: list[Callable[[], Any]] = [
     lambda: slice(None), lambda: ..., lambda: {"y": 1.0}, lambda: {1: 2}, lambda: {"a": np.nan},
     lambda: {"y": "z"}, lambda: [("y", "u", "v")], lambda: [(1,)], lambda: "no_such_signal", lambda: Path("x"),
     lambda: Path("/"), lambda: "\0", lambda: "x" * 300_000, lambda: list(range(2000)),
-    lambda: pd.DataFrame({"a": [1.0]}),    
+    lambda: pd.DataFrame({"a": [1.0]}),
     lambda: pd.Series([1.0, 2.0]), lambda: ct.tf([1.0], [1.0, 1.0]), lambda: ct.tf([1.0, 0.0, 0.0], [1.0, 1.0]),
     lambda: ct.tf([1.0], [1.0, 1.0], 0.1), lambda: ct.ss(-1.0, 1.0, 1.0, 0.0),
     lambda: ct.ss(np.eye(2), np.eye(2), np.eye(2), 0),
