@@ -64,6 +64,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "pade_order",
         "spectral_approximation",
         "stability_margins",
+        "disk_margin",
         "root_locus",
     ),
     "susp_ctrl.tuning": (

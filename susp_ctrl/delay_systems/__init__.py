@@ -17,7 +17,9 @@ from susp_ctrl.delay_systems.crossings import (
 )
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.delay_systems.frequency import (
+    DiskMargin,
     StabilityMargins,
+    disk_margin,
     h2_norm,
     hinf_norm,
     integrate,

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from susp_ctrl import validation
 from susp_ctrl.delay_systems.approximation import Orders, pade_approximation, spectral_approximation
 from susp_ctrl.delay_systems.frequency import (
-    StabilityMargins,
     default_frequencies,
+    disk_margin,
     stability_margins,
     transmission_zeros,
 )
@@ -305,9 +305,9 @@ class DelayLTI(DelaySystem):
         response = control.singular_values_response(self, self._frequencies(omega))
         return response.plot(**_own_figure(kwargs))
 
-    def margins(self, omega_range: tuple[float, float] | None = None) -> StabilityMargins:
-        """Return gain, phase and delay margins, least over all crossovers; see `stability_margins`."""
-        return stability_margins(self, omega_range)
+    # the functions themselves, with the system as the open loop
+    margins = stability_margins
+    disk_margin = disk_margin
 
     # ----------------------------------------------------------------------------------------- time response
 

@@ -1,5 +1,6 @@
 """For which delays along a line a root crosses the imaginary axis, and at what frequency."""
 
+from susp_ctrl.delay_systems.crossings.branch_and_bound import Work
 from susp_ctrl.delay_systems.crossings.crossing_search import CrossingSearch
 from susp_ctrl.delay_systems.crossings.delay_independence import (
     DelayIndependence,

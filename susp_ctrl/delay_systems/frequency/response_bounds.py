@@ -131,7 +131,7 @@ def tail_bound(loop: FoldedLoop) -> TailBound:
     if np.any(np.linalg.matrix_power(np.abs(plant.D22), plant.n_channels) > 0.0) and plant.n_channels:
         return TailBound(np.inf, np.inf, np.inf, np.inf)
     around = direct_paths(plant.D22)
-    scale = _state_scale(plant.A, plant.B2, plant.C2)
+    scale = state_scale(plant.A, plant.B2, plant.C2)
     A, B1, B2 = (np.abs(x) / scale[:, None] for x in (plant.A * scale, plant.B1, plant.B2))
     C1, C2 = np.abs(plant.C1) * scale, np.abs(plant.C2) * scale
     D12, D21 = np.abs(plant.D12), np.abs(plant.D21)
@@ -141,7 +141,7 @@ def tail_bound(loop: FoldedLoop) -> TailBound:
     return TailBound(direct, slope, loop_norm, _norm(plant.D11))
 
 
-def _state_scale(A: FloatArray, B: FloatArray, C: FloatArray) -> FloatArray:
+def state_scale(A: FloatArray, B: FloatArray, C: FloatArray) -> FloatArray:
     """Units of the states in which the loop's matrix has even magnitudes."""
     if A.shape[0] == 0:
         return np.ones(0)
@@ -149,6 +149,79 @@ def _state_scale(A: FloatArray, B: FloatArray, C: FloatArray) -> FloatArray:
         np.abs(A) + np.abs(B) @ np.abs(C), permute=False, separate=True
     )
     return np.asarray(scale)
+
+
+class HighFrequencySeries(NamedTuple):
+    r"""A response with one input and output as a power series in :math:`\nu = 1/\omega`, for all delays at once.
+
+    .. math:: H = \sum_{k \le K} ((-j)^k c_k + d_k) \nu^k + \ldots, \qquad |d_k| \le r_k
+
+    The terms c, in which nothing delayed takes part, alternate between real and imaginary.
+    """
+
+    undelayed: FloatArray
+    delayed: FloatArray
+    around: FloatArray
+    into: FloatArray
+    out: FloatArray
+
+    @classmethod
+    def of(cls, loop: FoldedLoop) -> HighFrequencySeries:
+        """Return the series of a loop, two terms longer than it has states."""
+        plant, _ = loop
+        paths, scale = direct_paths(plant.D22), state_scale(plant.A, plant.B2, plant.C2)
+        A, B2, B1 = plant.A * scale / scale[:, None], plant.B2 / scale[:, None], plant.B1[:, 0] / scale
+        C1, C2, D12 = plant.C1[0] * scale, np.abs(plant.C2) * scale, np.abs(plant.D12[0])
+        back = np.abs(B2) @ paths
+        x, moved, signals = np.zeros_like(B1), np.zeros_like(B1), paths @ np.abs(plant.D21[:, 0])
+        into, terms = np.abs(B1) + np.abs(B2) @ signals, [(plant.D11[0, 0], D12 @ signals)]
+        for k in range(plant.n_states + 2):
+            x, moved = A @ x + (B1 if k == 0 else 0.0), np.abs(A) @ moved + np.abs(B2) @ signals
+            signals = paths @ C2 @ (np.abs(x) + moved)
+            terms.append((C1 @ x, np.abs(C1) @ moved + D12 @ signals))
+        undelayed, delayed = np.array(terms, dtype=float).T
+        return cls(undelayed, delayed, np.abs(A) + back @ C2, into, np.abs(C1) + D12 @ paths @ C2)
+
+    def frequencies(self) -> FloatArray:
+        """Return frequencies, increasing, at which the series converges."""
+        fastest = float(np.max(np.abs(np.linalg.eigvals(self.around)), initial=0.0)) or 1.0
+        return 1.001 * fastest * 2.0 ** np.arange(0.5, 60.0, 0.5)
+
+    def sizes(self, omega: float) -> tuple[FloatArray, FloatArray]:
+        """Bound the terms at a frequency: those without delays, and others of each order with, last, the rest."""
+        nu, order = 1.0 / omega, self.undelayed.size
+        power = nu ** np.arange(order)
+        one = np.eye(self.into.size)
+        states = np.linalg.solve(one - nu * self.around, nu * self.into)
+        rest = self.out @ np.linalg.matrix_power(nu * self.around, order - 1) @ states
+        return np.abs(self.undelayed) * power, np.append(self.delayed * power, rest)
+
+    def end_of_gain(self, level: float) -> float:
+        """Return a frequency from which on the gain stays below, or above, a level; infinite where none is known."""
+        for omega in self.frequencies():
+            size, others = self.sizes(omega)
+            beside = size[1:].sum() + others.sum()
+            if size[0] + beside < level or size[0] - beside > level:
+                return float(omega)
+        return np.inf
+
+    def end_of_negative_values(self) -> float:
+        """Return a frequency from which on the response is never real and negative; infinite where none is known.
+
+        One term that outweighs all others of its order or more keeps the imaginary part from zero, or the real part
+        positive.
+        """
+        for omega in self.frequencies():
+            size, others = self.sizes(omega)
+            for parity in (0, 1):
+                own = np.flatnonzero(self.undelayed[parity::2]) * 2 + parity
+                if own.size == 0 or np.any(self.delayed[: own[0]] > 0.0):
+                    continue
+                # (-j)^k is real and positive at every fourth power
+                positive = parity == 1 or (self.undelayed[own[0]] > 0.0) == (own[0] % 4 == 0)
+                if positive and size[own[0]] > size[own[1:]].sum() + others.sum():
+                    return float(omega)
+        return np.inf
 
 
 def _norm(matrix: FloatArray) -> float:
