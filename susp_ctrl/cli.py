@@ -1,23 +1,33 @@
 """The command line ``susp-ctrl``: arguments, progress, exit codes.
 
-Exit status: 0 done, 1 the result could not be written, 2 bad input, 3 a stability verdict is undecided. Nothing
-numerical is imported before a command runs, so that ``--help`` answers at once.
+Exit status: 0 done, 1 the result could not be written, 2 bad input, 3 a stability verdict is undecided, 128 + n ended
+by signal n (130 interrupted, 143 terminated). Nothing numerical is imported before a command runs, so that ``--help``
+answers at once.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
 import sys
-import warnings
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from susp_ctrl import __version__
-from susp_ctrl.errors import InputError, UndecidedStabilityWarning
+from susp_ctrl.errors import InputError, one_line
+from susp_ctrl.terminal import (
+    UNDECIDED,
+    Terminated,
+    catch_signals,
+    interrupted,
+    one_line_errors,
+    print_tables,
+    progress_bar,
+    say,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,7 +35,6 @@ if TYPE_CHECKING:
     from susp_ctrl.study import Study
     from susp_ctrl.study.results import StudyRun, TimeCase
 
-WRITE_FAILED, BAD_INPUT, UNDECIDED, INTERRUPTED = 1, 2, 3, 130
 
 app = typer.Typer(
     name="susp-ctrl",
@@ -45,7 +54,6 @@ Changes = Annotated[
 ]
 Html = Annotated[bool, typer.Option("--html", help="Also write report.html, one page to open offline.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
-Progress = Callable[[str, float], None]
 
 
 def main() -> None:
@@ -53,7 +61,11 @@ def main() -> None:
     # The matrices here are small: a second BLAS thread costs more than it brings, many times more on a busy machine.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
-    app()
+    catch_signals()
+    try:
+        app()
+    except Terminated as stopped:  # before a command began or after it ended
+        sys.exit(stopped.status)
 
 
 @app.callback(invoke_without_command=True)
@@ -77,16 +89,19 @@ def run(
     changes: Changes = None,
 ) -> None:
     """Run a whole study and write its report: PDF, CSV tables, figures."""
-    with _one_line_errors():
+    with one_line_errors():
         import susp_ctrl as sc  # late: --help answers at once
         from susp_ctrl.report import check_folder  # late: --help answers at once
 
         settings = _load(study, changes)
         target = check_folder(Path("out") / study.stem if out is None else out)
-        with _progress() as progress:
+        with progress_bar() as progress:
             result = sc.run_study(settings, progress=progress)
-        with _progress() as progress:
-            written = result.save(target, progress=progress, html=html, keep_results=keep_results)
+        try:
+            with progress_bar() as progress:
+                written = result.save(target, progress=progress, html=html, keep_results=keep_results)
+        except OSError as error:
+            raise OSError(f"{error}; {_kept_elsewhere(result.data)}") from None
         _tell(written, result.summary)
         _leave(result.data)
 
@@ -106,13 +121,13 @@ def report(
 
     Only what a click on a map of the HTML page shows is computed then, as in any run with --html.
     """
-    with _one_line_errors():
+    with one_line_errors():
         from susp_ctrl.report import StudyResult, check_folder  # late: --help answers at once
         from susp_ctrl.study.results import read_run  # late: --help answers at once
 
         result = StudyResult(read_run(folder))
         target = check_folder(folder if out is None else out)
-        with _progress() as progress:
+        with progress_bar() as progress:
             written = result.save(target, progress=progress, html=html, keep_results=True)
         _tell(written, result.summary)
 
@@ -122,7 +137,7 @@ def list_studies(
     folder: Annotated[Path, typer.Argument(help="Folder with study files.")] = Path("studies"),
 ) -> None:
     """List the study files of a folder with their titles."""
-    with _one_line_errors():
+    with one_line_errors():
         import susp_ctrl as sc  # late: --help answers at once
 
         if not folder.is_dir():
@@ -136,7 +151,7 @@ def list_studies(
                 title = sc.load_study(path).settings.title
             except InputError as error:
                 title = f"(not valid: {error})"
-            print(f"{path!s:<{width}}  {title}")
+            print(f"{one_line(str(path)):<{width}}  {title}")
 
 
 @app.command(epilog="Example: susp-ctrl new studies/my_car")
@@ -146,7 +161,7 @@ def new(
     ],
 ) -> None:
     """Write a commented template of a study file, to be edited."""
-    with _one_line_errors():
+    with one_line_errors():
         from susp_ctrl.study.settings import new_study  # late: --help answers at once
 
         print(new_study(name))
@@ -155,11 +170,13 @@ def new(
 @app.command(epilog="Example: susp-ctrl check studies/wu_ren_2020.toml")
 def check(study: StudyFile) -> None:
     """Check a study file without running it."""
-    with _one_line_errors():
+    with one_line_errors():
         import susp_ctrl as sc  # late: --help answers at once
+        from susp_ctrl.study.audit import check_substitutions  # late: --help answers at once
 
         settings = sc.load_study(study)
-        print(f"{study}: valid. {settings.settings.title}")
+        check_substitutions(settings)
+        print(f"{one_line(str(study))}: valid. {settings.settings.title}")
 
 
 @app.command(epilog="Example: susp-ctrl stability studies/wu_ren_2020.toml")
@@ -168,7 +185,9 @@ def stability(study: StudyFile, changes: Changes = None, as_json: AsJson = False
     data = _compute(study, changes, "stability")
     assert data.stability is not None
     columns = ["design", "verdict", "abscissa", "unstable_roots", "delay_independent", "agreement"]
-    _print({"verdicts": data.stability.verdicts[columns], "rightmost roots": data.stability.roots}, as_json)
+    print_tables(
+        {"verdicts": data.stability.verdicts[columns], "rightmost roots": data.stability.roots}, as_json
+    )
     _leave(data)
 
 
@@ -193,7 +212,7 @@ def sweep_delays(study: StudyFile, changes: Changes = None, as_json: AsJson = Fa
         for name, parts in (("crossings", crossings), ("intervals", intervals))
         if parts
     }
-    _print(tables, as_json)
+    print_tables(tables, as_json)
     _leave(data)
 
 
@@ -204,7 +223,9 @@ def simulate(study: StudyFile, changes: Changes = None, as_json: AsJson = False)
     Designs that a search would find are left out: run the whole study for them.
     """
     data = _compute(study, changes, "time")
-    _print({case.key if as_json else case.road_text: _rms(case, as_json) for case in data.time}, as_json)
+    print_tables(
+        {case.key if as_json else case.road_text: _rms(case, as_json) for case in data.time}, as_json
+    )
 
 
 @app.command("compare-pade", epilog="Example: susp-ctrl compare-pade studies/wu_ren_2020.toml --json")
@@ -217,7 +238,7 @@ def compare_pade(study: StudyFile, changes: Changes = None, as_json: AsJson = Fa
         tables |= {f"{case.design}: {name}": t for name, t in extra.items() if t is not None}
     if data.pade_verdicts is not None:
         tables["verdicts"] = data.pade_verdicts
-    _print(tables, as_json)
+    print_tables(tables, as_json)
     _leave(data)
 
 
@@ -229,7 +250,7 @@ def tune(study: StudyFile, changes: Changes = None, as_json: AsJson = False) -> 
     for search in data.tuning:
         tables[f"{search.label}: {search.objective_text}"] = search.bounds
         tables[f"{search.label}: objective"] = search.comparison
-    _print(tables, as_json)
+    print_tables(tables, as_json)
     _leave(data)
 
 
@@ -252,31 +273,32 @@ def sweep(
     as_json: AsJson = False,
 ) -> None:
     """Compute many variants of a study; every finished one is kept, and the same command goes on where it stopped."""
-    with _one_line_errors():
+    with one_line_errors():
         import susp_ctrl as sc  # late: --help answers at once
 
         settings = _load(study, changes)
         folder = Path("out") / f"{study.stem}_sweep" if out is None else out
-        with _progress() as progress:
+        with progress_bar() as progress:
             try:
                 result = sc.sweep(
                     settings, workers=workers, folder=folder, scheduler=scheduler, progress=progress
                 )
-            except KeyboardInterrupt:
-                print(f"susp-ctrl: interrupted; finished variants are kept in {folder}", file=sys.stderr)
-                raise typer.Exit(INTERRUPTED) from None
-            progress("writing the results", 1.0)
-            written = result.save(folder)
+                progress("writing the results", 1.0)
+                written = result.save(folder)
+            except KeyboardInterrupt as stopped:
+                raise interrupted(stopped, f"finished variants are kept in {folder}") from None
+            except OSError as error:
+                raise OSError(f"{error}; finished variants are kept in {folder}") from None
         if as_json:
-            _print(result.tables, as_json)
+            print_tables(result.tables, as_json)
         else:
             for path in written:
                 print(path)
             print()
-            _print({"yields": result.yields, "sensitivity of J": result.ranking("J")}, as_json)
+            print_tables({"yields": result.yields, "sensitivity of J": result.ranking("J")}, as_json)
             print(result)
         if result.undecided:
-            print("susp-ctrl: the stability of at least one variant is undecided", file=sys.stderr)
+            say("the stability of at least one variant is undecided")
             raise typer.Exit(UNDECIDED)
 
 
@@ -292,7 +314,7 @@ def _load(path: Path, changes: list[str] | None) -> Study:
             raise InputError(f"--set {change}: KEY=VALUE is needed")
         try:
             values[key.strip()] = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
+        except (ValueError, RecursionError):
             values[key.strip()] = text.strip()  # a bare word is a string
     study = sc.load_study(path)
     return study.with_changes(values) if values else study
@@ -309,11 +331,11 @@ def _rms(case: TimeCase, as_records: bool) -> pd.DataFrame:
 
 
 def _compute(path: Path, changes: list[str] | None, section: str) -> StudyRun:
-    with _one_line_errors():
+    with one_line_errors():
         from susp_ctrl.study import compute_study  # late: --help answers at once
 
         settings = _load(path, changes)
-        with _progress() as progress:
+        with progress_bar() as progress:
             data = compute_study(settings, progress=progress, sections=(section,))
         if not getattr(data, section):
             raise InputError(f"{path}: the study has no section [{section}]")
@@ -327,59 +349,23 @@ def _tell(written: Iterable[Path], summary: Iterable[str]) -> None:
 
 def _leave(data: StudyRun) -> None:
     if data.undecided:
-        print("susp-ctrl: the stability of at least one design is undecided", file=sys.stderr)
+        say("the stability of at least one design is undecided")
         raise typer.Exit(UNDECIDED)
 
 
-@contextmanager
-def _one_line_errors() -> Iterator[None]:
-    """Turn what a user can mend into one line and an exit status; show warnings as one line each."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("once", UndecidedStabilityWarning)
-        warnings.showwarning = lambda message, *_, **__: print(f"susp-ctrl: {message}", file=sys.stderr)
-        try:
-            yield
-        except InputError as error:
-            print(f"susp-ctrl: {error}", file=sys.stderr)
-            raise typer.Exit(BAD_INPUT) from None
-        except OSError as error:
-            print(f"susp-ctrl: {error}", file=sys.stderr)
-            raise typer.Exit(WRITE_FAILED) from None
-        except KeyboardInterrupt:
-            print("susp-ctrl: interrupted; nothing was written", file=sys.stderr)
-            raise typer.Exit(INTERRUPTED) from None
+def _kept_elsewhere(data: StudyRun) -> str:
+    """Store the results of a run whose report could not be written where it can be, and say where."""
+    import tempfile  # late: --help answers at once
 
+    from susp_ctrl.study.results import RESULTS, write_run  # late: --help answers at once
 
-@contextmanager
-def _progress() -> Iterator[Progress]:
-    """Show stages and the time left on a terminal, nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield lambda stage, fraction: None
-        return
-    from rich.console import Console  # late: --help answers at once
-    from rich.progress import (  # late: --help answers at once
-        BarColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-    from rich.progress import Progress as Bars  # late: --help answers at once
-
-    columns = [TextColumn("{task.description:<32}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()]
-    with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
-        task = bars.add_task("starting", total=1.0)
-        yield lambda stage, fraction: bars.update(task, description=stage, completed=fraction)
-
-
-def _print(tables: dict[str, pd.DataFrame], as_json: bool) -> None:
-    if as_json:
-        import json  # late: --help answers at once
-
-        records: dict[str, Any] = {
-            name: json.loads(table.to_json(orient="records", double_precision=15))
-            for name, table in tables.items()
-        }
-        print(json.dumps(records, indent=1, ensure_ascii=False))
-        return
-    for name, table in tables.items():
-        print(f"{name}\n{table.to_string(index=False, float_format=lambda v: f'{v:.6g}')}\n")
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="susp_ctrl-"))
+    except OSError:
+        return "the results are lost"
+    try:
+        write_run(data, folder / RESULTS)
+    except OSError:
+        shutil.rmtree(folder, ignore_errors=True)
+        return "the results are lost: there is no room for them either"
+    return f"all results are kept: susp-ctrl report {folder} --out FOLDER writes the report"

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
+import stat
 from collections.abc import Iterable, Mapping, Sequence, Set
 from numbers import Integral, Number, Real
 from typing import Any
@@ -15,10 +17,35 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.errors import InputError
+from susp_ctrl.errors import InputError, shown
 
 LONGEST_DELAY = 1e15
 """Longest delay that is taken (s): beyond it the phase of ``e^{-s tau}`` has no digits at any frequency of use."""
+
+
+def file_content(path: Any, *, most: int) -> bytes:
+    """Return the bytes of a regular file of at most `most` bytes.
+
+    A pipe, a device or a folder is refused at once: reading it might wait or never end. Raises `InputError` with the
+    reason alone, FileNotFoundError where there is nothing.
+    """
+    try:
+        # without O_NONBLOCK, opening a pipe would wait for its writer
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    except FileNotFoundError:
+        raise
+    except (OSError, TypeError, ValueError) as problem:  # ValueError: a name with NUL
+        raise InputError(getattr(problem, "strerror", None) or "a path is needed") from None
+    try:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            raise InputError("it is no regular file")
+        with os.fdopen(handle, "rb", closefd=False) as file:
+            content = file.read(most + 1)
+    finally:
+        os.close(handle)
+    if len(content) > most:
+        raise InputError(f"it has more than {most:,} bytes")
+    return content
 
 
 def number(
@@ -43,11 +70,11 @@ def number(
         isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "iuf"
     )
     if isinstance(value, bool) or not scalar:
-        raise InputError(f"{name} = {value!r} is not allowed: {wanted} is needed")
+        raise InputError(f"{name} = {shown(value)} is not allowed: {wanted} is needed")
     try:
         result = float(np.asarray(value, dtype=float).reshape(()))
-    except OverflowError:  # an int of hundreds of digits
-        raise InputError(f"{name} is beyond the range of numbers: {wanted} is needed") from None
+    except OverflowError:
+        result = math.inf if value > 0 else -math.inf
     if not math.isfinite(result) or not all(holds(result) for _, holds in allowed):
         raise InputError(f"{name} = {result:g} is not allowed: {wanted} is needed")
     return result
@@ -61,10 +88,10 @@ def integer(name: str, value: Any, *, at_least: int | None = None, at_most: int 
     ]
     wanted = ", ".join(["an integer", *filter(None, limits)])
     if isinstance(value, bool) or not isinstance(value, Integral):
-        raise InputError(f"{name} = {value!r} is not allowed: {wanted} is needed")
+        raise InputError(f"{name} = {shown(value)} is not allowed: {wanted} is needed")
     result = int(value)
     if (at_least is not None and result < at_least) or (at_most is not None and result > at_most):
-        raise InputError(f"{name} = {result} is not allowed: {wanted} is needed")
+        raise InputError(f"{name} = {shown(result)} is not allowed: {wanted} is needed")
     return result
 
 
@@ -90,8 +117,8 @@ def vector(
     """Return `value` as a finite one-dimensional float array."""
     try:
         result = np.atleast_1d(_real(value))
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {value!r} is not allowed: a sequence of numbers is needed") from None
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} = {shown(value)} is not allowed: a sequence of numbers is needed") from None
     if result.ndim != 1 or (size is not None and result.size != size):
         length = "" if size is None else f" of {size} numbers"
         raise InputError(f"{name} has shape {result.shape}: a one-dimensional sequence{length} is needed")
@@ -108,7 +135,7 @@ def matrix(name: str, value: ArrayLike, *, rows: int | None = None, columns: int
     """Return `value` as a finite two-dimensional float array of the given shape."""
     try:
         result = np.atleast_2d(_real(value))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} is not allowed: a real matrix is needed") from None
     wanted = (
         result.shape[0] if rows is None else rows,
@@ -127,20 +154,22 @@ def sequence(name: str, value: Any) -> Sequence[Any]:
         return list(value)
     if isinstance(value, Iterable) and not isinstance(value, (str, bytes, Mapping, Set, np.ndarray)):
         return list(value)
-    raise InputError(f"{name} = {value!r} is not allowed: a sequence is needed")
+    raise InputError(f"{name} = {shown(value)} is not allowed: a sequence is needed")
 
 
 def mapping(name: str, value: Any) -> Mapping[Any, Any]:
     """Return `value` if it is a mapping with at least one entry."""
     if not isinstance(value, Mapping) or not value:
-        raise InputError(f"{name} = {value!r} is not allowed: a mapping with at least one entry is needed")
+        raise InputError(
+            f"{name} = {shown(value)} is not allowed: a mapping with at least one entry is needed"
+        )
     return value
 
 
 def function(name: str, value: Any) -> Any:
     """Return `value` if it can be called."""
     if not callable(value):
-        raise InputError(f"{name} = {value!r} is not allowed: a function is needed")
+        raise InputError(f"{name} = {shown(value)} is not allowed: a function is needed")
     return value
 
 
@@ -149,7 +178,7 @@ def array(name: str, value: ArrayLike) -> FloatArray:
     try:
         result = _real(value)
     except (TypeError, ValueError):
-        raise InputError(f"{name} = {value!r} is not allowed: an array of numbers is needed") from None
+        raise InputError(f"{name} = {shown(value)} is not allowed: an array of numbers is needed") from None
     if not np.all(np.isfinite(result)):
         raise InputError(f"{name} is not allowed: finite numbers are needed")
     return result
@@ -159,8 +188,8 @@ def complex_array(name: str, value: ArrayLike) -> NDArray[np.complex128]:
     """Return `value` as an array of complex numbers of any shape; nan and infinity pass."""
     try:
         return np.asarray(_numbers(value), dtype=complex)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {value!r} is not allowed: numbers are needed") from None
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} = {shown(value)} is not allowed: numbers are needed") from None
 
 
 def increasing(name: str, value: ArrayLike, *, at_least: float | None = None) -> FloatArray:
@@ -182,7 +211,7 @@ def one_of(name: str, value: Any, allowed: Iterable[str]) -> str:
     words = list(allowed)
     if isinstance(value, str) and value in words:
         return value
-    raise InputError(f"{name} = {value!r} is not allowed: {_nearest(value, words)}")
+    raise InputError(f"{name} = {shown(value)} is not allowed: {_nearest(value, words)}")
 
 
 def signal_index(name: str, value: Any, labels: Sequence[str]) -> int:

@@ -6,13 +6,17 @@ import json
 import shutil
 import subprocess
 import sys
+import tempfile
+import time
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner, Result
 
 import susp_ctrl as sc
+import susp_ctrl.study
 from susp_ctrl.cli import app
+from susp_ctrl.terminal import Terminated
 
 STUDY = Path(__file__).parents[1] / "studies" / "wu_ren_2020.toml"
 
@@ -180,7 +184,6 @@ def test_report_is_written_again_from_stored_results_without_computing(tmp_path:
     study.write_text(short.replace("duration_s = 4.0", "duration_s = 1.0"), encoding="utf-8")
     assert_one_line(call("report", tmp_path), "no stored results", "results.npz")
     assert call("run", study, "--out", first, "--keep-results").exit_code == 0
-    import susp_ctrl.study
 
     def computed(*_: object, **__: object) -> None:
         raise AssertionError("the report computed the study again")
@@ -203,7 +206,6 @@ def test_a_run_that_fails_leaves_no_report_and_keeps_the_old_one(tmp_path: Path,
     target = tmp_path / "report"
     target.mkdir()
     (target / "manifest.json").write_text('{"files": []}')
-    import susp_ctrl.study
 
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
@@ -214,6 +216,115 @@ def test_a_run_that_fails_leaves_no_report_and_keeps_the_old_one(tmp_path: Path,
     assert "nothing was written" in result.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["report"]
     assert (target / "manifest.json").read_text() == '{"files": []}'
+
+
+@pytest.mark.parametrize(
+    ("stopped", "status", "said"),
+    [(KeyboardInterrupt(), 130, "interrupted"), (Terminated(15), 143, "terminated")],
+)
+def test_who_ends_it_is_told(stopped, status: int, said: str, tmp_path: Path, monkeypatch) -> None:
+    def ended(*_: object, **__: object) -> None:
+        raise stopped
+
+    monkeypatch.setattr(susp_ctrl.study, "compute_study", ended)
+    result = call("run", STUDY, "--out", tmp_path / "report")
+    assert result.exit_code == status
+    assert result.stderr == f"susp-ctrl: {said}; nothing was written\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def quick_study(tmp_path: Path) -> Path:
+    """A study of the quarter car that is computed in a moment."""
+    text = (STUDY.parent / "quarter_car_bump.toml").read_text(encoding="utf-8")
+    path = tmp_path / "quick.toml"
+    path.write_text(text[: text.index("[frequency]")] + "[frequency]\npoints = 50\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("target", ["x" * 250, "quick.toml", "quick.toml/below", "/proc/report"])
+def test_a_target_that_cannot_be_written_is_known_before_computing(target, quick_study, monkeypatch) -> None:
+    def computed(*_: object, **__: object) -> None:
+        raise AssertionError("computed")
+
+    monkeypatch.setattr(susp_ctrl.study, "compute_study", computed)
+    result = call("run", quick_study, "--out", quick_study.parent / target)
+    assert result.exit_code in (1, 2)
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert result.stderr.startswith("susp-ctrl: ")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit on files")
+@pytest.mark.parametrize("most", [300, 3_000, 12_000])
+def test_results_survive_a_save_that_fails(most: int, quick_study: Path, monkeypatch) -> None:
+    """No file may grow beyond a limit, as on a full disk: the save fails somewhere in the middle."""
+    import resource
+
+    import susp_ctrl.study.results as results
+
+    target, kept = quick_study.parent / "report", quick_study.parent / "elsewhere"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    write = results.write_run
+
+    def unlimited(data, path):  # the other place has room
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        return write(data, path)
+
+    kept.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(kept))
+    monkeypatch.setattr(results, "write_run", unlimited)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
+    try:
+        result = call("run", quick_study, "--out", target)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert result.exit_code == 1, result.output
+    line = result.stderr.strip()
+    assert "\n" not in line
+    assert "File too large" in line
+    assert "what was there before is unchanged" in line
+    assert sorted(path.name for path in quick_study.parent.iterdir()) == ["elsewhere", "quick.toml"]
+    (folder,) = kept.iterdir()
+    assert f"susp-ctrl report {folder}" in line
+    again = call("report", folder, "--out", target)
+    assert again.exit_code == 0, again.output
+    assert (target / "tables" / "frequency_peaks.csv").exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no POSIX signals")
+@pytest.mark.slow
+def test_a_run_that_is_terminated_leaves_nothing_half_written(tmp_path: Path) -> None:
+    command = "from susp_ctrl.cli import main; main()"
+    arguments = ["run", str(STUDY), "--out", str(tmp_path / "report")]
+    process = subprocess.Popen([sys.executable, "-c", command, *arguments], stderr=subprocess.PIPE, text=True)
+    end = time.monotonic() + 300.0
+    while not any(".partial-" in path.name for path in tmp_path.iterdir()):
+        assert time.monotonic() < end
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.terminate()
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 143
+    assert said == "susp-ctrl: terminated; nothing was written\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("old", ["name", "speed_m_per_s"])
+def test_nothing_invisible_reaches_the_terminal(old: str, quick_study: Path) -> None:
+    text = quick_study.read_text(encoding="utf-8")
+    for evil in ("\\u001b[2J", "\\u0000", "\\u202e", "\\u009b31m", "a\\nb", "k" * 50_000):
+        quick_study.write_text(text.replace(old, f'"{old}{evil}"', 1), encoding="utf-8")
+        result = call("check", quick_study)
+        assert_one_line(result)
+        assert result.stderr.strip().isprintable()
+        assert len(result.stderr) < 320
+
+
+def test_a_path_is_shown_escaped(tmp_path: Path) -> None:
+    for name in ("no\x1b[2J.toml", "no\nfile.toml", "no\u202e.toml"):
+        result = call("check", tmp_path / name)
+        assert_one_line(result, "no such study file")
+        assert result.stderr.strip().isprintable()
 
 
 def test_the_installed_command_exists() -> None:

@@ -46,3 +46,23 @@ def test_clean_values_pass_unchanged() -> None:
     generator = np.random.default_rng(0)
     assert validation.random_generator(generator) is generator
     np.testing.assert_array_equal(validation.vector("v", 2), [2.0])
+
+
+@pytest.mark.parametrize("size", [400, 5000])
+def test_integers_beyond_every_float_are_refused_like_infinity(size):
+    for value in (10**size, -(10**size)):
+        with pytest.raises(InputError, match=r"x = -?inf is not allowed: a finite number"):
+            validation.number("x", value)
+        with pytest.raises(InputError, match="x"):
+            validation.vector("x", [1.0, value])
+
+
+def test_a_message_is_one_short_line_whatever_the_value():
+    for value in ("\x1b[2J\n" * 1000, ["\u202e"] * 100_000, np.zeros((100, 100))):
+        with pytest.raises(InputError) as caught:
+            validation.one_of("word", value, ["a", "b"])
+        text = str(caught.value)
+        assert text.isprintable()
+        assert len(text) <= 300
+        assert text.startswith("word = ")
+        assert text.endswith("allowed are a, b")

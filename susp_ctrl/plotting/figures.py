@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -17,7 +18,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from susp_ctrl.plotting.style import FULL_WIDTH, styled
+from susp_ctrl.plotting.style import FULL_WIDTH, legend_entries, styled
 
 _Item = TypeVar("_Item")
 
@@ -115,7 +116,7 @@ def shared_legend(figure: Figure, axes: Any, *, columns: int = 4) -> None:
     """Place one legend above all axes of a figure, each label once."""
     entries: dict[str, Any] = {}
     for ax in np.ravel(np.asarray(axes, dtype=object)):
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+        for handle, label in zip(*legend_entries(ax), strict=True):
             entries.setdefault(label, handle)
     if entries:
         figure.legend(
@@ -188,7 +189,9 @@ def _save_pdf(figure: Figure, path: str | Path) -> None:
     stamps = {"CreationDate": None, "Producer": None, "Creator": None}
     figure.dpi = _POINTS_PER_INCH
     width, height = figure.get_size_inches()
-    file = _ShortPdfFile(str(path), metadata=stamps)
+    # Written to memory first: where a disk is full, matplotlib's own clearing up fails over it and hides the cause.
+    content = BytesIO()
+    file = _ShortPdfFile(content, metadata=stamps)
     try:
         file.newPage(width, height)
         pages = RendererPdf(file, _POINTS_PER_INCH, height, width)
@@ -198,3 +201,4 @@ def _save_pdf(figure: Figure, path: str | Path) -> None:
         file.finalize()
     finally:
         file.close()
+    Path(path).write_bytes(content.getvalue())

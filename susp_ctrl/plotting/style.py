@@ -12,6 +12,7 @@ Okabe, M., Ito, K., "Color Universal Design", 2008, https://jfly.uni-koeln.de/co
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
@@ -69,6 +70,7 @@ SETTINGS: Any = {  # newer matplotlib types its keys one by one, older ones as s
     "legend.handlelength": 3.2,  # long enough to show a dash pattern
     "lines.linewidth": 1.25,
     "lines.markersize": 4.0,
+    "text.parse_math": False,  # labels come from users: "$" is a dollar sign
     "text.hinting": "no_hinting",  # text as wide on the screen as on paper, so that one layout fits both
     "hatch.linewidth": 0.5,
     "figure.facecolor": "white",
@@ -84,6 +86,10 @@ SETTINGS: Any = {  # newer matplotlib types its keys one by one, older ones as s
 
 FULL_WIDTH = 6.7
 """Width (inch) of a figure that spans the text of an A4 page."""
+
+_UNNAMED = re.compile(
+    r"_(nolegend_|child\d+|container\d+)"
+).fullmatch  # what matplotlib calls artists without label
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -219,6 +225,8 @@ def finished(
     tight
         Let the curves reach the left and the right border.
     """
+    for text in (ax.xaxis.label, ax.yaxis.label, ax.title):
+        text.set_parse_math(False)  # they are made with the axes, which may be the caller's
     if xlabel is not None:
         ax.set_xlabel(xlabel)
     if ylabel is not None:
@@ -228,8 +236,23 @@ def finished(
     if tight:
         ax.margins(x=0.0)
     if legend:
-        ax.legend(loc="best")
+        ax.legend(*legend_entries(ax), loc="best")
     return ax
+
+
+def legend_entries(ax: Axes) -> tuple[list[Any], list[str]]:
+    """Return what a legend of the axes shows, and its labels.
+
+    Unlike matplotlib's own choice it holds labels that begin with "_", which users may give.
+    """
+    artists: list[Any] = [*ax.lines, *ax.patches, *ax.collections, *ax.containers]
+    labels = [str(artist.get_label()) for artist in artists]
+    named = [
+        (artist, label)
+        for artist, label in zip(artists, labels, strict=True)
+        if label and not _UNNAMED(label)
+    ]
+    return [artist for artist, _ in named], [label for _, label in named]
 
 
 def rows_named(ax: Axes, names: Iterable[str], room: float = 0.6) -> None:

@@ -54,15 +54,22 @@ def check_folder(folder: str | Path) -> Path:
     InputError
         The target is a file, the current folder or one above it, or a folder with other things in it.
     SaveError
-        The folder beside which to write does not exist and cannot be made, or is read-only.
+        The file system refuses the name or the place, or has no room: a few bytes are written beside the target, and
+        removed.
     """
-    target = Path(folder).expanduser().resolve()
     named = f"folder = {str(folder)!r} is not allowed"
+    try:
+        target = Path(folder).expanduser().resolve()
+        there = target.exists()
+    except (RuntimeError, ValueError):  # no such user, a name with NUL
+        raise InputError(f"{named}: it is no path") from None
+    except OSError as problem:
+        raise SaveError(f"{folder}: not written: {_reason(problem)}") from problem
     if target == Path.cwd() or target in Path.cwd().parents:
         raise InputError(
             f"{named}: it is the current folder or holds it; name a folder of its own for the report"
         )
-    if target.exists() and not target.is_dir():
+    if there and not target.is_dir():
         raise InputError(f"{named}: it is a file, and a folder is needed")
     above = next((one for one in target.parents if one.exists()), target)
     if not above.is_dir():
@@ -73,7 +80,40 @@ def check_folder(folder: str | Path) -> Path:
         raise InputError(
             f"{named}: it holds files but no report ({MANIFEST}); choose a new or empty folder or an earlier report"
         )
+    try:
+        _probe(target)
+    except OSError as problem:
+        raise SaveError(f"{folder}: not written: {_reason(problem)}") from problem
     return target
+
+
+def _probe(target: Path) -> None:
+    """Write as a report will be written, and take it away again."""
+    made: list[Path] = []
+    try:
+        for missing in [parent for parent in reversed(target.parents) if not parent.exists()]:
+            missing.mkdir()
+            made.append(missing)
+        # a name as long as any that is used beside the target, and longer than the target's own
+        trial = _beside(target, "partial-probe")
+        trial.mkdir()
+        made.append(trial)
+        with (trial / "byte").open("wb") as file:
+            file.write(b"0")
+            file.flush()
+            os.fsync(file.fileno())
+    finally:
+        for path in reversed(made):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _reason(problem: OSError) -> str:
+    return "the disk is full" if problem.errno == errno.ENOSPC else problem.strerror or str(problem)
+
+
+def _beside(target: Path, what: str) -> Path:
+    """Return a name beside the target that nobody else uses."""
+    return target.with_name(f".{target.name}.{what}-{os.getpid()}-{secrets.token_hex(4)}")
 
 
 @contextmanager
@@ -102,7 +142,7 @@ def replacing(folder: str | Path) -> Iterator[Path]:
         target.parent.mkdir(parents=True, exist_ok=True)
         with _lock(target):
             _recover(target)
-            partial = target.with_name(f".{target.name}.partial-{os.getpid()}-{secrets.token_hex(4)}")
+            partial = _beside(target, "partial")
             partial.mkdir()
             try:
                 yield partial
@@ -113,10 +153,9 @@ def replacing(folder: str | Path) -> Iterator[Path]:
     except SaveError:
         raise
     except OSError as problem:
-        reason = problem.strerror or str(problem)
-        if problem.errno == errno.ENOSPC:
-            reason = "the disk is full"
-        raise SaveError(f"{folder}: not written: {reason}; what was there before is unchanged") from problem
+        raise SaveError(
+            f"{folder}: not written: {_reason(problem)}; what was there before is unchanged"
+        ) from problem
 
 
 def write_manifest(folder: Path, about: dict[str, Any]) -> Path:

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure as MatplotlibFigure
 
 from susp_ctrl import plotting
 from susp_ctrl import study as studies
+from susp_ctrl.csv_cells import write_csv
 from susp_ctrl.report.blocks import Figure, Section, Table
 from susp_ctrl.report.document import NO_TYPST, payload, write_pdf
 from susp_ctrl.report.page import table_html, write_page
@@ -113,7 +114,8 @@ class StudyResult:
     ) -> list[Path]:
         """Write the report: ``report.pdf``, ``tables/*.csv``, ``figures/*.png`` and ``*.pdf``, ``manifest.json``.
 
-        The folder is replaced as a whole or not at all, see `susp_ctrl.report.replacing`.
+        The folder is replaced as a whole or not at all, see `susp_ctrl.report.replacing`. In the CSV files a text
+        that a spreadsheet would take for a formula has an apostrophe before it.
 
         Parameters
         ----------
@@ -183,13 +185,7 @@ class StudyResult:
         folder.mkdir()
         for table in self._tables:
             digits = f"%.{history_digits}g" if table.key.startswith("history_") else None
-            table.frame.to_csv(
-                folder / f"{table.key}.csv",
-                index=False,
-                lineterminator="\n",
-                encoding="utf-8",
-                float_format=digits,
-            )
+            write_csv(table.frame, folder / f"{table.key}.csv", float_format=digits)
 
     def _write_figures(self, folder: Path, report: Progress) -> None:
         folder.mkdir()

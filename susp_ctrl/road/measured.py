@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
+from io import BytesIO
 from typing import Self
 
 import numpy as np
@@ -23,6 +24,7 @@ from susp_ctrl.road.road_signals import RoadSignal, SpectralRoad
 
 _INTERPOLATIONS = ("cubic", "linear")
 _SEGMENTS = 8  # of the Welch estimate, before overlap
+_LARGEST_FILE = 100_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,26 +100,23 @@ class MeasuredRoad(SpectralRoad):
             If the file cannot be read, a column is missing or holds anything but numbers, or as the class
             itself.
         """
-        file = Path(path)
         try:
-            table = pd.read_csv(file, comment="#", skipinitialspace=True)
-        except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-            raise InputError(f"road file {file} cannot be read: {error}") from None
-        columns = []
-        for name in (distance, elevation):
-            validation.one_of(f"column of {file}", name, [str(column) for column in table.columns])
-            numbers = pd.to_numeric(table[name], errors="coerce")
-            if numbers.isna().any():
-                row = int(np.flatnonzero(numbers.isna())[0])
-                raise InputError(
-                    f"road file {file}: {name} = {table[name].iloc[row]!r} in data row {row + 1} "
-                    "is not allowed: a number is needed"
-                )
-            columns.append(numbers.to_numpy(dtype=float))
+            content = validation.file_content(path, most=_LARGEST_FILE)
+            # as texts: pandas would take truth values for numbers
+            table = pd.read_csv(BytesIO(content), comment="#", skipinitialspace=True, dtype=str)
+        except FileNotFoundError:
+            raise InputError(f"road file {path} cannot be read: there is no such file") from None
+        except InputError as error:
+            raise InputError(f"road file {path} cannot be read: {error}") from None
+        except (UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError):
+            raise InputError(
+                f"road file {path} cannot be read: it is no table of comma-separated values"
+            ) from None
+        columns = [_numbers(table, name, path) for name in (distance, elevation)]
         try:
             return cls(distance=columns[0], elevation=columns[1], speed=speed, interpolation=interpolation)
         except InputError as error:
-            raise InputError(f"road file {file}: {error}") from None
+            raise InputError(f"road file {path}: {error}") from None
 
     @property
     def length(self) -> float:
@@ -215,3 +214,20 @@ class MeasuredRoad(SpectralRoad):
         return Iso8608Spectrum(
             g_d=float(np.exp(level)), waviness=float(-slope), n_min=wanted.n_min, n_max=wanted.n_max
         )
+
+
+def _numbers(table: pd.DataFrame, name: str, path: str | os.PathLike[str]) -> FloatArray:
+    """Return a column of texts as numbers."""
+    if name not in table:
+        # of what may be any file only a name like the wanted one is told
+        close = difflib.get_close_matches(str(name), [str(column)[:100] for column in table], n=1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        raise InputError(f"road file {path}: column {name!r} is not among its {len(table.columns)}{hint}")
+    numbers = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
+    if np.isnan(numbers).any():
+        row = int(np.flatnonzero(np.isnan(numbers))[0])
+        raise InputError(
+            f"road file {path}: {name} = {str(table[name].iloc[row])[:60]!r} in data row {row + 1} "
+            "is not allowed: a number is needed"
+        )
+    return numbers

@@ -14,7 +14,7 @@ import pandas as pd
 
 from susp_ctrl import __version__, validation
 from susp_ctrl.ride import signal_unit
-from susp_ctrl.study.audit import Computed, audit_section
+from susp_ctrl.study.audit import Computed, audit_section, check_substitutions
 from susp_ctrl.study.results import PadeCase, Provenance, StabilityMapCase, StudyRun, VehicleSection
 from susp_ctrl.study.sections import (
     Report,
@@ -88,6 +88,8 @@ def compute_study(
         f.name: f.default for f in fields(whole) if f.name in SECTIONS and f.name not in wanted
     }
     settings = replace(whole, **left_out)
+    if settings.audit is not None:
+        check_substitutions(study)
     stages = _Stages(settings, progress)
 
     tuning = tuple(

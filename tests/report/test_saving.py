@@ -17,6 +17,7 @@ import pytest
 
 from susp_ctrl.errors import InputError
 from susp_ctrl.report.saving import MANIFEST, SaveError, check_folder, replacing, write_manifest
+from susp_ctrl.terminal import Terminated, catch_signals
 
 
 def _write(folder: Path, text: str = "new") -> None:
@@ -142,6 +143,58 @@ def test_targets_that_are_not_for_a_report_are_refused(
         check_folder(".")
     with pytest.raises(InputError, match="current folder"):
         check_folder(tmp_path.parent)
+
+
+@pytest.mark.parametrize("name", ["x" * 250, "x" * 300, "a/" + "y" * 250])
+def test_a_name_that_is_too_long_is_known_before_anything_is_written(name: str, tmp_path: Path) -> None:
+    with pytest.raises(SaveError, match="too long") as caught:
+        check_folder(tmp_path / name)
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_that_is_none_is_refused() -> None:
+    with pytest.raises(InputError, match="no path"):
+        check_folder("a\0b")
+
+
+def test_a_full_disk_is_known_before_anything_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(SaveError, match="the disk is full"):
+        check_folder(tmp_path / "new" / "report")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["report", "more/than/one"])
+def test_the_trial_leaves_nothing(name: str, tmp_path: Path) -> None:
+    assert check_folder(tmp_path / name) == (tmp_path / name).resolve()
+    assert list(tmp_path.iterdir()) == []
+
+
+def _end_in_the_middle(folder: Path) -> None:
+    with replacing(folder) as partial:
+        (partial / "half").write_text("half")
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(5.0)  # the signal comes at once
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGTERM") or os.name == "nt", reason="no POSIX signals")
+def test_a_request_to_end_removes_lock_and_partial_files(report: Path) -> None:
+    before, handler = _content(report), signal.getsignal(signal.SIGTERM)
+    try:
+        catch_signals()
+        with pytest.raises(Terminated) as stopped:
+            _end_in_the_middle(report)
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+    assert stopped.value.status == 143
+    assert _content(report) == before
+    assert [path.name for path in report.parent.iterdir()] == ["report"]
 
 
 def test_an_empty_folder_is_fine(tmp_path: Path) -> None:

@@ -1,3 +1,4 @@
+import os
 from itertools import pairwise
 
 import numpy as np
@@ -210,3 +211,49 @@ def test_tracks_are_told_apart_by_the_names_of_the_inputs():
 def test_bad_input_is_refused_by_name(make, named):
     with pytest.raises(InputError, match=named):
         make()
+
+
+def test_truth_values_are_no_elevations(tmp_path):
+    file = tmp_path / "road.csv"
+    file.write_text("distance,elevation\n0,0\n1,True\n2,0\n3,0\n")
+    with pytest.raises(InputError, match="'True' in data row 2"):
+        MeasuredRoad.from_csv(file, speed=10.0)
+
+
+def test_numbers_are_read_to_the_last_bit(tmp_path):
+    file = tmp_path / "road.csv"
+    elevation = np.random.default_rng(0).normal(size=50) * 10.0 ** np.arange(-25, 25)
+    file.write_text(
+        "distance,elevation\n" + "".join(f"{n},{z!r}\n" for n, z in enumerate(elevation.tolist()))
+    )
+    road = MeasuredRoad.from_csv(file, speed=10.0)
+    np.testing.assert_array_equal(road.samples[1], elevation - elevation[0])
+
+
+def test_the_first_line_of_any_file_is_not_told(tmp_path):
+    file = tmp_path / "secret.txt"
+    file.write_text("root:password\x1b[2J:0:0," + "x" * 50_000 + "\n1,2\n")
+    with pytest.raises(InputError) as caught:
+        MeasuredRoad.from_csv(file, speed=10.0)
+    text = str(caught.value)
+    assert "password" not in text
+    assert "'distance'" in text
+    assert len(text) <= 300
+    file.write_text("Distance,elevation\n0,1\n")
+    with pytest.raises(InputError, match="did you mean 'Distance'"):
+        MeasuredRoad.from_csv(file, speed=10.0)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes")
+def test_pipes_devices_and_huge_files_are_no_roads(tmp_path):
+    pipe, huge = tmp_path / "pipe.csv", tmp_path / "huge.csv"
+    os.mkfifo(pipe)
+    with huge.open("wb") as file:
+        file.truncate(2**36)
+    for path in (pipe, "/dev/zero", tmp_path):
+        with pytest.raises(InputError, match="no regular file"):
+            MeasuredRoad.from_csv(path, speed=10.0)
+    with pytest.raises(InputError, match="bytes"):
+        MeasuredRoad.from_csv(huge, speed=10.0)
+    with pytest.raises(InputError, match="path"):
+        MeasuredRoad.from_csv(3.5, speed=10.0)

@@ -40,11 +40,13 @@ def evaluate(text: str, symbols: Mapping[str, float]) -> float:
     """
     try:
         return float(_value(ast.parse(text.strip(), mode="eval").body, symbols))
-    except (SyntaxError, ZeroDivisionError, OverflowError, _NotArithmeticError) as problem:
-        reason = (
-            f"{problem}" if isinstance(problem, _NotArithmeticError) else "this is no arithmetic expression"
-        )
-        raise InputError(f"expression {text!r} is not allowed: {reason}") from None
+    except _NotArithmeticError as problem:
+        raise InputError(f"expression {text[:80]!r} is not allowed: {problem}") from None
+    except (SyntaxError, ValueError, TypeError, ArithmeticError, RecursionError, MemoryError):
+        # TypeError: the root of a negative number; MemoryError: Python's word for brackets in too many brackets
+        raise InputError(
+            f"expression {text[:80]!r} is not allowed: this is no arithmetic expression"
+        ) from None
 
 
 class _NotArithmeticError(Exception):

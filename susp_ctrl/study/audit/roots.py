@@ -21,7 +21,7 @@ from susp_ctrl.errors import InputError
 from susp_ctrl.study.audit.expressions import evaluate
 from susp_ctrl.study.audit.rows import EXPLAINED, NOT_REPRODUCED, REPRODUCED, AuditRow, agrees
 from susp_ctrl.study.sections import Workbench
-from susp_ctrl.study.settings import PAPER_SYMBOLS, PrintedRoots, printed_number
+from susp_ctrl.study.settings import PAPER_SYMBOLS, PrintedRoots, Study, printed_number
 from susp_ctrl.vehicle import HalfCar
 
 _PAPER_STATE = (
@@ -95,6 +95,20 @@ def audit_roots(bench: Workbench, printed: PrintedRoots, tolerance: float) -> Ro
         }
     )
     return RootsAudit(rows, table, substitutions)
+
+
+def check_substitutions(study: Study) -> None:
+    """Refuse substitutions that the audit would refuse, which comes last of all that is computed.
+
+    Raises
+    ------
+    InputError
+        An expression that is none, or an entry named as correct that is not the one of the model.
+    """
+    audit, bench = study.settings.audit, Workbench.of(study)
+    for printed in () if audit is None else audit.roots:
+        if printed.substitutions and printed.design in bench.keys:
+            misprinted_matrix(bench, printed)
 
 
 def misprinted_matrix(bench: Workbench, printed: PrintedRoots) -> tuple[FloatArray, pd.DataFrame]:

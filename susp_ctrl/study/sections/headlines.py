@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pandas as pd
 
 from susp_ctrl.delay_systems import VERDICT_WORDS
@@ -49,7 +51,8 @@ def _effect_line(bench: Workbench, tuning: tuple[TuningRun, ...], time: tuple[Ti
             continue
         first = exact[exact["indicator"] == exact["indicator"].iloc[0]]
         changes = ", ".join(
-            f"{bench.design(row.design).label} {row.change_percent:+.1f} %" for row in first.itertuples()
+            f"{bench.design(row.design).label} {change_text(row.change_percent)}"
+            for row in first.itertuples()
         )
         name = str(first["indicator"].iloc[0]).replace("_", " ")
         parts.append(f"{case.label}: {changes}")
@@ -58,6 +61,11 @@ def _effect_line(bench: Workbench, tuning: tuple[TuningRun, ...], time: tuple[Ti
         return f"{lead}: {'; '.join(parts)}."
     found = [f"{run.label}: J = {run.value:.4g}" for run in tuning]
     return f"Tuning: {'; '.join(found)}." if found else ""
+
+
+def change_text(percent: float) -> str:
+    """Return a change in words; there is none where a run left the range of numbers, or the passive car is at rest."""
+    return f"{percent:+.1f} %" if math.isfinite(percent) else "undefined (no finite RMS to compare)"
 
 
 def _audit_line(audit: AuditSection | None) -> str:

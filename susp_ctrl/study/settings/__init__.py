@@ -17,7 +17,7 @@ from susp_ctrl.study.settings.references import check_sweep
 from susp_ctrl.study.settings.simulation import PadeSettings, RoadSettings, TimeSettings
 from susp_ctrl.study.settings.study import FrequencySettings, StabilitySettings, StudySettings, TuningSettings
 from susp_ctrl.study.settings.study_file import Study, load_study, new_study
-from susp_ctrl.study.settings.variants import AT_LEAST, SweepSettings, indicator_limits
+from susp_ctrl.study.settings.variants import AT_LEAST, MOST_VARIANTS, SweepSettings, indicator_limits
 from susp_ctrl.study.settings.variation import Factor, Levels, Range, Tolerance, Value, plain_value
 from susp_ctrl.study.settings.vehicle import (
     GAIN_UNITS,

@@ -6,10 +6,11 @@ expected to agree.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from susp_ctrl.study.settings.fields import Settings, TextForm, setting
+from susp_ctrl.study.settings.fields import SettingError, Settings, TextForm, setting
 
 
 class Printed(NamedTuple):
@@ -33,15 +34,11 @@ def printed_number(text: str) -> Printed:
     return Printed(float(text), 0.5 * 10.0 ** (int(exponent or 0) - decimals), text)
 
 
-def _is_printed_number(text: str) -> bool:
-    try:
-        printed_number(text)
-    except ValueError:
-        return False
-    return True
+_PRINTED = re.compile(r"\s*[+-]?(\d{1,12}(\.\d{0,40})?|\.\d{1,40})([eE][+-]?\d{1,2})?\s*", re.ASCII)
 
 
-PRINTED = TextForm(_is_printed_number, 'a number as printed, in quotes, such as "0.5026", is needed')
+_MOST_PHASE = 1e4  # rad, of a crossing at the end of a printed interval
+PRINTED = TextForm(_PRINTED.fullmatch, 'a number as printed, in quotes, such as "0.5026", is needed')
 
 
 @dataclass(frozen=True)
@@ -52,7 +49,7 @@ class PrintedRow(Settings):
     passive: str = setting(form=PRINTED)
     active: str = setting(form=PRINTED)
     change_percent: str | None = setting(None, form=PRINTED)
-    misprint: str = setting("")
+    misprint: str = setting("", lines=True)
 
 
 @dataclass(frozen=True)
@@ -87,7 +84,7 @@ class Substitution(Settings):
     column: int = setting(at_least=1, at_most=8)
     correct: str = setting(not_empty=True)
     used: str = setting(not_empty=True)
-    note: str = setting("")
+    note: str = setting("", lines=True)
 
 
 @dataclass(frozen=True)
@@ -108,6 +105,14 @@ class PrintedInterval(Settings):
     design: str = setting(not_empty=True)
     upper: str = setting(unit="s", form=PRINTED)
     crossings: tuple[str, ...] = setting((), unit="rad_per_s", form=PRINTED)
+
+    def check(self) -> None:
+        """Refuse frequencies that no crossing has, and more periods up to the delay than anybody prints."""
+        for n, text in enumerate(self.crossings, 1):
+            value, upper = printed_number(text).value, printed_number(self.upper).value
+            if not 0.0 < value * max(upper, 1e-9) < _MOST_PHASE:
+                allowed = f"a frequency greater than 0 is needed, at most {_MOST_PHASE:g} / upper_s"
+                raise SettingError(f"crossings_rad_per_s[{n}]", text, allowed)
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,42 @@ from __future__ import annotations
 import difflib
 import math
 import re
+import reprlib
 import types
+import unicodedata
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import cache
 from typing import Any, Self, Union, get_args, get_origin, get_type_hints
 
-from susp_ctrl.errors import InputError
+from susp_ctrl.errors import InputError, one_line
 
 _SHOWN = 60  # characters of a value in a message
+_SHOWN_KEY = 80
+_SHOWN_WORDS = 120  # of a list of what is allowed
+_BRIEF = reprlib.Repr()
+_BRIEF.maxlist = _BRIEF.maxtuple = _BRIEF.maxdict = 8
+_BRIEF.maxstring = _BRIEF.maxlong = _BRIEF.maxother = _SHOWN
+
+_UNSEEN = frozenset(
+    {"Cc", "Cf", "Cs", "Zl", "Zp"}
+)  # control, formatting (direction of writing), line separators
+
+SIZES: Mapping[str, tuple[float, float]] = {
+    "s": (1e-6, 1e8),
+    "m": (1e-6, 1e4),
+    "m_per_s": (1e-2, 1e3),
+    "per_s": (1e-6, 1e6),
+    "rad_per_s": (1e-4, 1e6),
+    "kg": (1e-3, 1e7),
+    "kg_m2": (1e-3, 1e9),
+    "": (1e-6, 1e6),
+}
+"""Least and largest size, but for zero, of a number in each unit: far beyond any vehicle, and within what the
+computations have digits for."""
+
+OTHER_SIZES = (1e-6, 1e9)
+"""The same in all other units: gains, stiffness, damping."""
 
 
 class SettingError(InputError):
@@ -26,9 +53,8 @@ class SettingError(InputError):
 
     def __init__(self, key: str, value: Any, allowed: str) -> None:
         self.key, self.value, self.allowed = key, value, allowed
-        super().__init__(
-            f"{key} = {shown(value)}: {allowed}" if value is not MISSING else f"{key}: {allowed}"
-        )
+        said = "" if value is MISSING else f" = {shown(value)}"
+        super().__init__(f"{key}{said}: {allowed}")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by the three parts, so that the error survives another process."""
@@ -60,6 +86,8 @@ class Rule:
     choices: tuple[str, ...] = ()
     not_empty: bool = False
     form: TextForm | None = None
+    lines: bool = False
+    """Whether a text may have line breaks."""
 
     @property
     def limits(self) -> str:
@@ -167,17 +195,25 @@ def shown(value: Any) -> str:
     """Return a value as it would stand in the file, shortened."""
     if isinstance(value, bool):
         return str(value).lower()
-    text = f'"{value}"' if isinstance(value, str) else repr(value)
-    text = " ".join(text.split())
-    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+    if isinstance(value, str):
+        return f'"{shortened(value)}"'
+    return shortened(_BRIEF.repr(value))
+
+
+def shortened(text: str, most: int = _SHOWN) -> str:
+    """Return the beginning of a text, escaped as on one line."""
+    escaped = one_line(text[:most], 10 * most)
+    return escaped if len(text) <= most and len(escaped) <= most else f"{escaped[: most - 3]}..."
 
 
 def nearest(word: str, words: Iterable[str]) -> str:
     """Return the hint ``did you mean ...? allowed are ...``."""
     allowed = list(words)
+    if not allowed:
+        return "no key is allowed here"
     close = difflib.get_close_matches(word, allowed, n=1, cutoff=0.5)
-    hint = f'did you mean "{close[0]}"? ' if close else ""
-    return f"{hint}allowed are {', '.join(allowed)}" if allowed else "no key is allowed here"
+    hint = f'did you mean "{shortened(close[0])}"? ' if close else ""
+    return f"{hint}allowed are {shortened(', '.join(allowed), _SHOWN_WORDS // (2 if close else 1))}"
 
 
 # --- values -----------------------------------------------------------------------------------------------------
@@ -226,9 +262,20 @@ def _without_none(kind: Any) -> tuple[bool, Any]:
 
 
 def _number(name: str, value: Any, rule: Rule) -> float:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not number or not math.isfinite(value) or not _within(value, rule):
+    checked = check_size(name, value, rule.unit, rule.limits)
+    if not _within(checked, rule):
         raise SettingError(name, value, f"a finite number{rule.limits} is needed")
+    return checked
+
+
+def check_size(name: str, value: Any, unit: str, limits: str = "") -> float:
+    """Return a finite number of a size that there is in this unit; raise `SettingError` for any other value."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise SettingError(name, value, f"a finite number{limits} is needed")
+    low, high = SIZES.get(unit, OTHER_SIZES)
+    if value and not low <= abs(value) <= high:
+        wanted = f"a number{limits}, of a size from {low:g} to {high:g} is needed"
+        raise SettingError(name, value, wanted)
     return float(value)
 
 
@@ -249,6 +296,9 @@ def _within(value: float, rule: Rule) -> bool:
 def _text(name: str, value: Any, rule: Rule) -> str:
     if not isinstance(value, str):
         raise SettingError(name, value, "a text in quotes is needed")
+    if not is_plain_text(value, lines=rule.lines):
+        breaks = "" if rule.lines else "line breaks, "
+        raise SettingError(name, value, f"a text without {breaks}control or invisible characters is needed")
     if rule.choices and value not in rule.choices:
         raise SettingError(name, value, nearest(value, rule.choices))
     if rule.not_empty and not value.strip():
@@ -256,6 +306,13 @@ def _text(name: str, value: Any, rule: Rule) -> str:
     if rule.form is not None and not rule.form.fits(value):
         raise SettingError(name, value, rule.form.needed)
     return value
+
+
+def is_plain_text(text: str, *, lines: bool = False) -> bool:
+    """Whether a text holds only what can be seen, besides spaces and, with `lines`, line breaks and tabs."""
+    if lines:
+        text = text.translate({ord(c): " " for c in "\n\r\t"})
+    return text.isprintable() or not any(unicodedata.category(c) in _UNSEEN for c in text)
 
 
 # --- tables -----------------------------------------------------------------------------------------------------
@@ -275,7 +332,7 @@ class Place:
     def error(self, problem: SettingError) -> SettingError:
         """Return the error with the file and the full key."""
         full = f"{self.path}.{problem.key}" if self.path and problem.key else self.path or problem.key
-        return SettingError(f"{self.file}: {full}", problem.value, problem.allowed)
+        return SettingError(f"{self.file}: {shortened(full, _SHOWN_KEY)}", problem.value, problem.allowed)
 
 
 def _nested(kind: Any, place: Place, value: Any) -> Any:

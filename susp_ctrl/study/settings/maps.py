@@ -11,7 +11,6 @@ from typing import Any, Self
 from susp_ctrl.study.settings.fields import KEY, MISSING, Place, SettingError, Settings, setting
 from susp_ctrl.study.settings.simulation import RoadSettings
 from susp_ctrl.study.settings.vehicle import GAIN_UNITS
-from susp_ctrl.validation import LONGEST_DELAY
 
 AXES = ("tau1", "gain1", "tau2", "gain2")
 """What can be free, in the order in which x and y are taken from it."""
@@ -55,10 +54,10 @@ class MapSettings(Settings):
     designs: tuple[str, ...] = setting(())
     gain_factor: float = setting(1.0, above=0.0)
     channels: tuple[int, int] = setting((1, 2), at_least=1)
-    tau1_from: float | None = setting(None, unit="s", at_least=0.0, at_most=LONGEST_DELAY)
-    tau1_to: float | None = setting(None, unit="s", at_least=0.0, at_most=LONGEST_DELAY)
-    tau2_from: float | None = setting(None, unit="s", at_least=0.0, at_most=LONGEST_DELAY)
-    tau2_to: float | None = setting(None, unit="s", at_least=0.0, at_most=LONGEST_DELAY)
+    tau1_from: float | None = setting(None, unit="s", at_least=0.0)
+    tau1_to: float | None = setting(None, unit="s", at_least=0.0)
+    tau2_from: float | None = setting(None, unit="s", at_least=0.0)
+    tau2_to: float | None = setting(None, unit="s", at_least=0.0)
     gain1_from: float | None = setting(None)
     gain1_to: float | None = setting(None)
     gain2_from: float | None = setting(None)

@@ -8,11 +8,11 @@ from typing import Any
 import control
 
 from susp_ctrl.delay_systems import FeedbackChannel, close_loop
-from susp_ctrl.errors import InputError
+from susp_ctrl.errors import InputError, NeutralLoopError
 from susp_ctrl.ride import signal_unit
 from susp_ctrl.ride.indicators import indicator_signals
 from susp_ctrl.study.settings.audit import AuditSettings
-from susp_ctrl.study.settings.fields import SettingError, nearest
+from susp_ctrl.study.settings.fields import MISSING, SettingError, nearest
 from susp_ctrl.study.settings.maps import MapSettings
 from susp_ctrl.study.settings.study import StudySettings
 from susp_ctrl.study.settings.variants import SweepSettings, indicator_limits
@@ -155,8 +155,14 @@ def _check_loop(place: str, plant: control.StateSpace, channels: Sequence[Feedba
     """Refuse loops that are neutral or have no solution."""
     try:
         close_loop(plant, channels)
+    except NeutralLoopError:
+        allowed = (
+            "the loop is neutral, as with delayed acceleration: no delay is too small to destabilise it; "
+            "give the channel an actuator_bandwidth_rad_per_s"
+        )
+        raise SettingError(place, MISSING, allowed) from None
     except InputError as problem:
-        raise SettingError(place, [str(path.measured) for path in channels], str(problem)) from None
+        raise SettingError(place, MISSING, str(problem)) from None
 
 
 def _check_weights(place: str, weights: Mapping[str, float], outputs: list[str]) -> None:

@@ -14,6 +14,7 @@ ISO_CLASSES = tuple(ISO_8608_CLASSES)
 # What each kind of road needs to be told.
 _ROADS = {"harmonic": ("amplitude", "omega"), "random": ("iso_class", "seed"), "bump": ("height", "length")}
 
+_HIGHEST = 10.0  # m, of a bump or a wave
 _MOST_SAMPLES = 2_000_000  # of a record: some hundred MB with all outputs
 
 
@@ -29,17 +30,21 @@ class RoadSettings(Settings):
     """A road: harmonic, random (ISO 8608) or a bump."""
 
     kind: str = setting(choices=tuple(_ROADS))
-    amplitude: float | None = setting(None, unit="m", at_least=0.0)
+    amplitude: float | None = setting(None, unit="m", above=0.0, at_most=_HIGHEST)
     omega: float | None = setting(None, unit="rad_per_s", above=0.0)
     iso_class: str | None = setting(None, choices=ISO_CLASSES)
     seed: int | None = setting(None, at_least=0)
     bins: int | None = setting(None, at_least=1, at_most=100_000)
-    height: float | None = setting(None, unit="m")
+    height: float | None = setting(None, unit="m", at_least=-_HIGHEST, at_most=_HIGHEST)
     length: float | None = setting(None, unit="m", above=0.0)
 
     def check(self) -> None:
         """Check that the kind has exactly the numbers it needs."""
         self.check_needs("kind", _ROADS, optional={"random": ("bins",)}, owner="a road of ")
+        if self.height == 0.0:
+            raise SettingError(
+                "height_m", self.height, "a number other than 0 is needed: a flat road has no response"
+            )
 
 
 @dataclass(frozen=True)

@@ -105,8 +105,8 @@ class StudySettings(Settings):
 
     name: str = setting(not_empty=True)
     title: str = setting(not_empty=True)
-    source: str = setting("")
-    description: str = setting("")
+    source: str = setting("", lines=True)
+    description: str = setting("", lines=True)
     vehicle: VehicleSettings = setting(VehicleSettings())
     designs: tuple[DesignSettings, ...] = setting(())
     frequency: FrequencySettings | None = setting(None)

@@ -15,14 +15,20 @@ from typing import Any
 
 import control
 
+from susp_ctrl import validation
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride.indicators import indicator_signals
-from susp_ctrl.study.settings.fields import Place, SettingError
+from susp_ctrl.study.settings.fields import MISSING, Place, SettingError, is_plain_text, shortened
 from susp_ctrl.study.settings.references import check_references
 from susp_ctrl.study.settings.study import StudySettings
 from susp_ctrl.study.settings.vehicle import parameter_keys
+from susp_ctrl.study.settings.work import check_work
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
 
+_LARGEST_FILE = 1_000_000
+_DEEPEST = 20  # tables and lists inside each other
+_LONG_PATH = re.compile(r"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){%d}" % _DEEPEST)  # noqa: UP031  braces
+_LARGEST_INTEGER = 2**63 - 1  # of TOML
 _STEP = re.compile(r"([A-Za-z0-9_]+)(?:\[([^\]]+)\])?(?:\.|$)")
 
 
@@ -57,9 +63,11 @@ class Study:
             One line ``file: key = value: what is allowed``.
         """
         place = Place(file)
+        _check_plain(place, table)
         settings = _with_indicators(StudySettings.from_table(place, table))
         try:
             check_references(settings)
+            check_work(settings, settings.vehicle.build().plant())
         except SettingError as problem:
             raise place.error(problem) from None
         return cls(settings, file, sha256, table)
@@ -158,18 +166,23 @@ def load_study(path: str | Path) -> Study:
         A file that is missing or is no TOML, an unknown key (the nearest known one is named), a value that is not
         allowed, a signal or design that does not exist: one line ``file: key = value: what is allowed``.
     """
-    file = Path(path)
     try:
-        content = file.read_bytes()
+        content = validation.file_content(path, most=_LARGEST_FILE)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such study file") from None
-    except OSError as problem:
-        raise InputError(f"{path}: the study file cannot be read: {problem.strerror}") from None
+    except InputError as problem:
+        raise InputError(f"{path}: the study file cannot be read: {problem}") from None
     try:
-        table = tomllib.loads(content.decode("utf-8"))
+        text = content.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
     except UnicodeDecodeError:
         raise InputError(f"{path}: the study file is not UTF-8 text") from None
-    except tomllib.TOMLDecodeError as problem:
+    if _LONG_PATH.search(text):  # the parser takes time with the square of its length
+        raise InputError(f"{path}: the study file has a key of more than {_DEEPEST} parts")
+    try:
+        table = tomllib.loads(text)
+    except RecursionError:
+        raise InputError(f"{path}: the study file is nested too deeply") from None
+    except ValueError as problem:  # no TOML, or an integer of thousands of digits
         raise InputError(f"{path}: the study file is not valid TOML: {problem}") from None
     return Study.from_table(table, str(path), hashlib.sha256(content).hexdigest())
 
@@ -199,13 +212,34 @@ def new_study(name: str | Path) -> Path:
         raise InputError(f"name = {str(name)!r} is not allowed: letters, digits, _ and - are")
     if not path.parent.is_dir():
         raise InputError(f"name = {str(name)!r} is not allowed: there is no folder {str(path.parent)!r}")
-    text = files("susp_ctrl.study.settings").joinpath("template.toml").read_text(encoding="utf-8")
+    text = files("susp_ctrl.study").joinpath("template.toml").read_text(encoding="utf-8")
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text.replace('name = "NAME"', f'name = "{path.stem}"', 1))
     except FileExistsError:
         raise InputError(f"name = {str(name)!r} is not allowed: {path} is there already") from None
     return path
+
+
+def _check_plain(place: Place, table: Mapping[str, Any]) -> None:
+    """Refuse what no study says, wherever it stands: deep nesting, keys that cannot be read, vast integers."""
+    left: list[tuple[int, str, Any]] = [(0, "", table)]
+    while left:
+        depth, path, value = left.pop()
+        if depth > _DEEPEST:
+            raise place.error(SettingError(path.rstrip("."), MISSING, f"nested more than {_DEEPEST} deep"))
+        if isinstance(value, Mapping):
+            for key, inside in value.items():
+                if not isinstance(key, str) or not is_plain_text(key):
+                    allowed = "a key without control or invisible characters is needed"
+                    raise place.error(SettingError(f"{path}{key!r}", MISSING, allowed))
+                left.append((depth + 1, f"{path}{shortened(key)}.", inside))
+        elif isinstance(value, (list, tuple)):
+            left += [(depth + 1, path, inside) for inside in value]
+        elif isinstance(value, int) and abs(value) > _LARGEST_INTEGER:
+            raise place.error(
+                SettingError(path.rstrip("."), MISSING, "an integer of at most 64 bits is needed")
+            )
 
 
 def _with_indicators(study: StudySettings) -> StudySettings:
@@ -225,7 +259,10 @@ def _with_indicators(study: StudySettings) -> StudySettings:
 
 def _entry(entries: Any, wanted: str) -> Any:
     """Return the entry of a list of tables by its key or its position, counted from 1; None if there is none."""
-    return next((e for n, e in enumerate(entries, 1) if e.get("key") == wanted or wanted == str(n)), None)
+    if not isinstance(entries, list):
+        return None
+    tables = [(n, entry) for n, entry in enumerate(entries, 1) if isinstance(entry, Mapping)]
+    return next((entry for n, entry in tables if entry.get("key") == wanted or wanted == str(n)), None)
 
 
 def _set(table: dict[str, Any], path: str, value: Any) -> None:

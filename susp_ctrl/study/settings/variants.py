@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import prod
 from typing import Any, Self
 
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride import signal_unit
 from susp_ctrl.ride.indicators import indicator_signals
-from susp_ctrl.study.settings.fields import MISSING, Place, SettingError, Settings, nearest, setting
+from susp_ctrl.study.settings.fields import (
+    MISSING,
+    Place,
+    SettingError,
+    Settings,
+    is_plain_text,
+    nearest,
+    setting,
+)
 from susp_ctrl.study.settings.variation import DISTRIBUTIONS, Factor, Levels, Range, Spread, Tolerance
 
+MOST_VARIANTS = 1_000_000
 KINDS = ("grid", "latin_hypercube", "monte_carlo")
 
 LIMIT_SUFFIX = {"m": "m", "m/s2": "m_per_s2", "rad/s2": "rad_per_s2"}
@@ -52,6 +62,10 @@ class FactorSettings(Settings):
         values = table["values"]
         if not isinstance(values, list) or not values:
             raise place.error(SettingError("values", values, "a list of numbers or texts is needed"))
+        for n, value in enumerate(values, 1):
+            if isinstance(value, str) and not is_plain_text(value):
+                allowed = "a text without line breaks, control or invisible characters is needed"
+                raise place.error(SettingError(f"values[{n}]", value, allowed))
         rest = {name: value for name, value in table.items() if name != "values"}
         for name in ("relative", "range"):
             if name in rest:
@@ -88,7 +102,7 @@ class SweepSettings(Settings):
 
     kind: str = setting("latin_hypercube", choices=KINDS)
     factors: tuple[FactorSettings, ...] = setting(())
-    samples: int | None = setting(None, at_least=1, at_most=1_000_000)
+    samples: int | None = setting(None, at_least=1, at_most=MOST_VARIANTS)
     seed: int | None = setting(None, at_least=0)
     designs: tuple[str, ...] = setting(())
     time: str | None = setting(None)
@@ -96,6 +110,13 @@ class SweepSettings(Settings):
     ray_up_to: float = setting(3.0, above=1.0, at_most=100.0)
     retune: bool = setting(False)
     limits: Mapping[str, float] | None = setting(None)
+
+    @property
+    def variants(self) -> int:
+        """How many variants there are."""
+        if self.kind == "grid":
+            return prod(len(one.values) or one.levels for one in self.factors)
+        return self.samples or 100
 
     @classmethod
     def read(cls, place: Place, table: Mapping[str, Any]) -> Self:
@@ -115,6 +136,9 @@ class SweepSettings(Settings):
                 Factor.all_of([one.factor() for one in self.factors])
         except InputError as problem:
             raise SettingError("factors", [one.name for one in self.factors], str(problem)) from None
+        if self.variants > MOST_VARIANTS:
+            allowed = f"the grid has {self.variants:,} variants, at most {MOST_VARIANTS:,} are allowed"
+            raise SettingError("factors", MISSING, allowed)
 
 
 def indicator_limits(limits: Mapping[str, float], outputs: Sequence[str]) -> dict[str, float]:

@@ -12,8 +12,16 @@ from typing import Any, Self
 from susp_ctrl.delay_systems import FeedbackChannel
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride import signal_unit
-from susp_ctrl.study.settings.fields import KEY, MISSING, Place, SettingError, Settings, nearest, setting
-from susp_ctrl.validation import LONGEST_DELAY
+from susp_ctrl.study.settings.fields import (
+    KEY,
+    MISSING,
+    Place,
+    SettingError,
+    Settings,
+    check_size,
+    nearest,
+    setting,
+)
 from susp_ctrl.vehicle import FullCar, HalfCar, QuarterCar
 
 VEHICLES: Mapping[str, type] = {"half_car": HalfCar, "quarter_car": QuarterCar, "full_car": FullCar}
@@ -124,6 +132,7 @@ class VehicleSettings(Settings):
                 raise SettingError(name, value, f"unknown parameter, {allowed}") from None
             except InputError as problem:
                 raise SettingError(name, value, str(problem).partition("is not allowed: ")[2]) from None
+            check_size(name, value, parameter_unit(name))
         car: HalfCar | QuarterCar | FullCar = VEHICLES[self.kind](**self.parameters)
         return car
 
@@ -160,7 +169,7 @@ class ChannelSettings(_Feedback):
     """One feedback channel with a gain and a delay."""
 
     gain: float = setting()
-    delay: float = setting(unit="s", at_least=0.0, at_most=LONGEST_DELAY)
+    delay: float = setting(unit="s", at_least=0.0)
     actuator_bandwidth: float | None = setting(None, unit="rad_per_s", above=0.0)
 
 
@@ -170,8 +179,8 @@ class PairSettings(_Feedback):
 
     gain_from: float = setting()
     gain_to: float = setting()
-    delay_from: float = setting(0.001, unit="s", at_least=0.0, at_most=LONGEST_DELAY)
-    delay_to: float = setting(1.0, unit="s", at_least=0.0, at_most=LONGEST_DELAY)
+    delay_from: float = setting(0.001, unit="s", at_least=0.0)
+    delay_to: float = setting(1.0, unit="s", at_least=0.0)
     actuator_bandwidth: float | None = setting(None, unit="rad_per_s", above=0.0)
 
     @property
@@ -199,7 +208,7 @@ class DesignSettings(Settings):
 
     key: str = setting(not_empty=True, form=KEY)
     label: str = setting(not_empty=True)
-    reference: str = setting("")
+    reference: str = setting("", lines=True)
     channels: tuple[ChannelSettings, ...] = setting(not_empty=True)
 
     def check(self) -> None:

@@ -24,7 +24,7 @@ from susp_ctrl.study.variants.evaluation import (
     failed_rows,
     lean_study,
 )
-from susp_ctrl.study.variants.journal import Journal, digest
+from susp_ctrl.study.variants.journal import Journal, digest, probe
 from susp_ctrl.study.variants.sampling_plan import (
     DrawnVariants,
     Grid,
@@ -111,7 +111,7 @@ def sweep(
         A key that does not exist or on which nothing depends, a design or case that does not exist, a journal of
         another sweep, a scheduler that does not answer.
     OSError
-        The journal cannot be written; what is stored stays.
+        The journal cannot be written, or all worker processes or the cluster are gone; what is stored stays.
 
     Notes
     -----
@@ -147,10 +147,12 @@ def sweep(
     drawn = draw_variants(study, plan)
     question = Question.of(study, settings)
     check_influence(question, drawn.keys)
+    target = None if folder is None else Path(folder)
+    if target is not None:
+        probe(target)  # before searches that may take long
     lean = lean_study(study, question)
     tasks: list[Task] = [(0, {}), *((n, dict(changes)) for n, changes in enumerate(drawn.changes, 1))]
 
-    target = None if folder is None else Path(folder)
     done: dict[int, list[Row]] = {}
     with nullcontext() if target is None else Journal(target, _identity(lean, question, drawn)) as journal:
         if journal is not None:
@@ -160,8 +162,9 @@ def sweep(
                 for n, rows in journal.entries.items()
             }
         left = [task for task in tasks if task[0] not in done]
-        for number, rows in _answers(lean, question, left, many, scheduler):
-            if journal is not None:
+        lost: set[int] = set()
+        for number, rows in _answers(lean, question, left, many, scheduler, lost):
+            if journal is not None and number not in lost:
                 journal.store(number, [list(row.values()) for row in rows])
             done[number] = rows
             report(f"{len(done)} of {len(tasks)} variants", len(done) / len(tasks))
@@ -205,22 +208,26 @@ def _identity(lean: Study, question: Question, drawn: DrawnVariants) -> dict[str
 
 
 def _answers(
-    study: Study, question: Question, tasks: list[Task], workers: Any, scheduler: str | None
+    study: Study, question: Question, tasks: list[Task], workers: Any, scheduler: str | None, lost: set[int]
 ) -> Iterator[Answer]:
-    """Yield the rows of every task as they are finished, in any order."""
+    """Yield the rows of every task as they are finished, in any order.
+
+    The numbers of those whose processes died are added to `lost`: another run may have more luck with them.
+    """
     if not tasks:
         return
 
-    def lost(task: Task, reason: str) -> Answer:
+    def give_up(task: Task, reason: str) -> Answer:
+        lost.add(task[0])
         return task[0], failed_rows(question, reason)
 
     function = partial(answer, study, question)
     if scheduler is not None:
-        yield from evaluate_on_cluster(function, tasks, scheduler, lost)
+        yield from evaluate_on_cluster(function, tasks, scheduler, give_up)
     elif callable(workers):
         yield from workers(function, tasks)
     else:
-        yield from evaluate_in_processes(function, tasks, min(workers, len(tasks)), lost)
+        yield from evaluate_in_processes(function, tasks, min(workers, len(tasks)), give_up)
 
 
 def _result(

@@ -17,9 +17,8 @@ import pandas as pd
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
-from susp_ctrl.study.settings import Factor, Levels, Study, Tolerance, Value, plain_value
+from susp_ctrl.study.settings import MOST_VARIANTS, Factor, Levels, Study, Tolerance, Value, plain_value
 
-MOST_VARIANTS = 1_000_000
 _TRIALS = 50  # values of a key that are tried until the study takes one
 
 

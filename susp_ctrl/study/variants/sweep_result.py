@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from susp_ctrl import validation
+from susp_ctrl.csv_cells import write_csv
 from susp_ctrl.delay_systems import VERDICT_WORDS
 from susp_ctrl.errors import InputError
 from susp_ctrl.study.settings import AT_LEAST
@@ -257,6 +258,8 @@ class SweepResult:
     def save(self, folder: str | Path) -> list[Path]:
         """Write every table as CSV and every figure as PNG, each file whole or not at all.
 
+        A text that a spreadsheet would take for a formula has an apostrophe before it.
+
         Parameters
         ----------
         folder : str or Path
@@ -277,8 +280,7 @@ class SweepResult:
         target.mkdir(parents=True, exist_ok=True)
         written = []
         for name, table in self.tables.items():
-            csv = partial(table.to_csv, index=False, lineterminator="\n", encoding="utf-8")
-            written.append(_whole(target / f"{name}.csv", csv))
+            written.append(_whole(target / f"{name}.csv", partial(write_csv, table)))
         for name, figure in self.figures().items():
             written.append(_whole(target / f"{name}.png", partial(save_figure, figure)))
         return written

@@ -25,6 +25,7 @@ ONE_THREAD = dict.fromkeys(
 """Environment that holds every common BLAS to one thread."""
 
 _ATTEMPTS = 2  # a task whose process dies twice is given up
+_STARTS = 4  # processes in a row that die before their first task
 
 
 class WorkerDiedError(RuntimeError):
@@ -60,7 +61,7 @@ def evaluate_in_processes(
     Raises
     ------
     OSError
-        A process could not be started.
+        Several processes in a row could not be started.
     """
     program = pickle.dumps(function)
     answers: queue.Queue[Any] = queue.Queue(maxsize=4 * workers)
@@ -168,6 +169,22 @@ class _Crew(threading.Thread):
             raise WorkerDiedError(f"its process ended ({_ending(process)})") from None
 
     def _start(self) -> subprocess.Popen[bytes]:
+        """Start a process; one that dies before it is ready is replaced, a few times."""
+        reason = ""
+        for _ in range(_STARTS):
+            process = self._launch()
+            try:
+                if self._exchange(process, self._program) == READY:
+                    return process
+                reason = "it sent something else than its greeting"
+            except WorkerDiedError as died:
+                reason = str(died)
+            self.kill()
+            if self._stop_asked.is_set():
+                break
+        raise OSError(f"a worker process could not be started {_STARTS} times: {reason}")
+
+    def _launch(self) -> subprocess.Popen[bytes]:
         path = os.pathsep.join(entry for entry in sys.path if entry)
         process = subprocess.Popen(
             [sys.executable, "-P", "-c", "from susp_ctrl.study.variants.worker import serve; serve()"],
@@ -178,11 +195,7 @@ class _Crew(threading.Thread):
         self._process = process
         if self._stop_asked.is_set():
             self.kill()
-        with suppress(WorkerDiedError):
-            if self._exchange(process, self._program) == READY:
-                return process
-        self.kill()
-        raise OSError(f"a worker process could not be started ({_ending(process)})")
+        return process
 
     def kill(self) -> None:
         """End the process, if there is one."""

@@ -15,7 +15,7 @@ from susp_ctrl.study.settings.fields import Settings, file_key
 from susp_ctrl.study.settings.study import StudySettings
 from susp_ctrl.study.settings.study_file import new_study
 
-TEXT = files("susp_ctrl.study.settings").joinpath("template.toml").read_text(encoding="utf-8")
+TEXT = files("susp_ctrl.study").joinpath("template.toml").read_text(encoding="utf-8")
 SECTIONS = ("vehicle", "designs", "frequency", "stability", "tuning", "time", "pade")
 
 

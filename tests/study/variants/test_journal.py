@@ -52,6 +52,7 @@ def test_every_variant_is_on_the_disk_before_the_next_is_counted(tmp_path):
     assert seen == list(range(1, VARIANTS + 2))  # the line of the sweep itself, then one per variant
 
 
+@pytest.mark.filterwarnings("ignore:.*computed again")
 @pytest.mark.parametrize("cut", [0, 1, 100, -1, -2, -40, -300, 0.5])
 def test_a_torn_journal_goes_on_where_it_was_cut(finished, tmp_path, cut):
     table, content = finished
@@ -154,6 +155,115 @@ def test_numbers_come_back_bit_by_bit(tmp_path):
         journal.store(4, values)
     with Journal(tmp_path, IDENTITY) as journal:
         assert repr(journal.entries[4]) == repr(values)
+
+
+# --- lines that cannot be trusted ---------------------------------------------------------------------------------
+
+
+def _altered_digit(line):
+    return line.replace(b"0.", b"9.", 1)
+
+
+def _without(*fields):
+    def change(line):
+        entry = json.loads(line)
+        return json.dumps({name: part for name, part in entry.items() if name not in fields}).encode() + b"\n"
+
+    return change
+
+
+def _with(**fields):
+    return lambda line: json.dumps(json.loads(line) | fields).encode() + b"\n"
+
+
+DAMAGE = {
+    "an altered digit": _altered_digit,
+    "no data": _with(data=[]),
+    "another variant": _with(variant=3),
+    "a variant that is none": _with(variant=True),
+    "a variant that is a text": _with(variant="5"),
+    "no checksum": _without("checksum"),
+    "no data and no checksum": _without("data", "checksum"),
+    "no variant": _without("variant"),
+    "one field more": _with(more=1),
+    "other spaces": lambda line: line.replace(b": ", b":"),
+    "twice": lambda line: line + line,
+    "half of it": lambda line: line[: len(line) // 2] + b"\n",
+    "no JSON": lambda line: b"[" * 2000 + b"\n",
+    "bytes": lambda line: b"\xff\x00" + line[2:],
+    "a list": lambda line: b"[1, 2]\n",
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_line_that_cannot_be_trusted_is_told_and_computed_again(damage, finished, tmp_path):
+    table, content = finished
+    lines = content.splitlines(keepends=True)
+    at = 6  # variant 5: the sweep itself and the study as it is stand before
+    lines[at] = DAMAGE[damage](lines[at])
+    (tmp_path / JOURNAL).write_bytes(b"".join(lines))
+    computed = []
+    with pytest.warns(UserWarning, match="refused and computed again") as told:
+        resumed = small_sweep(tmp_path, counting(computed))
+    assert len(told) == 1
+    assert "\n" not in str(told[0].message)
+    assert computed == [5]
+    pd.testing.assert_frame_equal(resumed.table, table, check_exact=True)
+    again = []
+    small_sweep(tmp_path, counting(again))  # without a warning: the damaged line is gone
+    assert again == []
+    assert sorted((tmp_path / JOURNAL).read_bytes().splitlines()) == sorted(content.splitlines())
+    assert [path.name for path in tmp_path.iterdir()] == [JOURNAL]
+
+
+def test_a_line_of_another_sweep_is_refused(tmp_path):
+    for name in ("one", "two"):
+        with Journal(tmp_path / name, IDENTITY | {"the study": name}) as journal:
+            journal.store(1, [name])
+    one, two = (tmp_path / name / JOURNAL for name in ("one", "two"))
+    one.write_bytes(
+        one.read_bytes().splitlines(keepends=True)[0] + two.read_bytes().splitlines(keepends=True)[1]
+    )
+    with (
+        pytest.warns(UserWarning, match="1 of 1 variants"),
+        Journal(one.parent, IDENTITY | {"the study": "one"}) as journal,
+    ):
+        assert journal.entries == {}
+
+
+def test_the_journal_of_an_earlier_form_is_refused_and_kept(tmp_path):
+    content = json.dumps({"journal": "susp_ctrl sweep", "format": 1, "identity": IDENTITY}) + "\n"
+    (tmp_path / JOURNAL).write_text(content)
+    with pytest.raises(sc.InputError, match="another version"):
+        Journal(tmp_path, IDENTITY)
+    assert (tmp_path / JOURNAL).read_text() == content
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes")
+@pytest.mark.parametrize("kind", ["pipe", "folder", "device"])
+def test_what_is_no_file_is_refused_at_once(kind, tmp_path):
+    path = tmp_path / JOURNAL
+    {"pipe": os.mkfifo, "folder": os.mkdir, "device": lambda at: os.symlink("/dev/zero", at)}[kind](path)
+    with pytest.raises(sc.InputError, match="no journal") as caught:
+        Journal(tmp_path, IDENTITY)
+    assert str(path) in str(caught.value)
+
+
+def test_a_huge_file_without_lines_is_refused_at_once(tmp_path):
+    with (tmp_path / JOURNAL).open("wb") as file:
+        file.truncate(2**36)  # 64 GiB of zeros that take no room
+    began = time.process_time()
+    with pytest.raises(sc.InputError, match="no journal"):
+        Journal(tmp_path, IDENTITY)
+    assert time.process_time() - began < 2.0
+
+
+def test_a_place_that_cannot_be_written_is_known_before_anything_is_computed(tmp_path):
+    def never(function, tasks):
+        raise AssertionError("computed")
+
+    with pytest.raises(OSError, match="too long"):
+        small_sweep(tmp_path / ("x" * 300), never)
 
 
 # --- a real process, really killed --------------------------------------------------------------------------------

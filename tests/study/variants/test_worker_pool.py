@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
@@ -73,6 +74,36 @@ def test_a_worker_that_dies_costs_its_own_task_only(importable):
     assert found == dict.fromkeys((0, 1, 2, 4, 5), "1")
 
 
+@pytest.mark.parametrize("times", [1, pytest.param(3, marks=pytest.mark.slow)])
+def test_a_worker_that_dies_while_it_starts_is_replaced(importable, tmp_path, times):
+    function = worker_tasks.DiesWhileStarting(tmp_path / "left", times)
+    assert sorted(evaluate_in_processes(function, range(4), 1, lambda task, reason: reason)) == [0, 1, 2, 3]
+
+
+@pytest.mark.slow
+def test_workers_that_never_start_are_one_line(importable, tmp_path):
+    function = worker_tasks.DiesWhileStarting(tmp_path / "left", 1000)
+    with pytest.raises(OSError, match=r"could not be started 4 times: its process ended \(signal 9\)"):
+        list(evaluate_in_processes(function, range(4), 1, lambda task, reason: reason))
+
+
+def test_a_variant_whose_processes_died_is_tried_again_by_the_next_run(by_one_process, tmp_path, monkeypatch):
+    """Who is killed twice in a row, by a lack of memory perhaps, is told, but not kept as if it were a result."""
+    path = "susp_ctrl.study.variants.parameter_sweep.evaluate_in_processes"
+
+    def losing(function, tasks, workers, lost):
+        for task in tasks:
+            yield lost(task, "its process ended (signal 9)") if task[0] == 4 else function(task)
+
+    monkeypatch.setattr(path, losing)
+    first = small_sweep(tmp_path, 1)
+    assert first.failed["variant"].tolist() == [4]
+    monkeypatch.undo()
+    resumed = small_sweep(tmp_path, map)
+    assert resumed.failed.empty
+    pd.testing.assert_frame_equal(resumed.table, by_one_process, rtol=1e-9)
+
+
 def test_a_sweep_that_is_abandoned_ends_its_processes(importable):
     answers = evaluate_in_processes(worker_tasks.process_number, range(1000), 2, lambda task, reason: None)
     pids = {next(answers) for _ in range(8)}
@@ -109,6 +140,56 @@ def test_a_dask_cluster_of_two_workers_gives_the_identical_table(by_one_process,
         tables = json.loads(done.stdout)
         assert len(tables["variants"]) == 10
         assert all(row["error"] == "" for row in tables["variants"])
+
+
+@pytest.mark.end_to_end
+@pytest.mark.slow
+@needs_dask
+@pytest.mark.parametrize(
+    ("victim", "said"), [("worker", "the last Dask worker"), ("scheduler", "the Dask scheduler")]
+)
+def test_a_cluster_that_dies_is_one_line_and_loses_nothing(
+    victim, said, by_one_process, tmp_path, monkeypatch
+):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "OMP_NUM_THREADS": "1"}
+
+    def start(*arguments):
+        command = [sys.executable, "-m", "dask", *arguments]
+        return subprocess.Popen(command, env=environment, stdout=-3, stderr=-3, start_new_session=True)
+
+    info = tmp_path / "scheduler.json"
+    running = {
+        "scheduler": start(
+            "scheduler", "--port", "0", "--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", str(info)
+        )
+    }
+    try:
+        end = time.monotonic() + 60.0
+        while not info.exists() or not info.read_text():
+            assert time.monotonic() < end
+            time.sleep(0.1)
+        address = json.loads(info.read_text())["address"]
+        running["worker"] = start("worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard")
+        calls = []
+
+        def killing(stage, share):
+            calls.append(stage)
+            if len(calls) == 6:
+                os.killpg(running[victim].pid, signal.SIGKILL)
+
+        monkeypatch.setattr("susp_ctrl.study.variants.dask_cluster._PATIENCE", 20.0)
+        with pytest.raises(OSError, match=said) as caught:
+            small_sweep(tmp_path / "out", scheduler=address, progress=killing)
+        assert "\n" not in str(caught.value)
+    finally:
+        for process in running.values():
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    kept = (tmp_path / "out" / "journal.jsonl").read_bytes().count(b"\n")
+    assert kept >= 6
+    resumed = small_sweep(tmp_path / "out")
+    pd.testing.assert_frame_equal(resumed.table, by_one_process, check_exact=True)
 
 
 @pytest.mark.end_to_end
@@ -180,7 +261,10 @@ def test_a_mistake_on_the_command_line_is_one_line(arguments, part, tmp_path):
 @pytest.mark.end_to_end
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no POSIX signals")
-def test_an_interrupt_keeps_what_is_finished_and_says_so(tmp_path):
+@pytest.mark.parametrize(
+    ("number", "status", "said"), [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated")]
+)
+def test_an_interrupt_keeps_what_is_finished_and_says_so(tmp_path, number, status, said):
     arguments = ["sweep", str(STUDY), "--workers", "1", "--out", str(tmp_path)]
     process = subprocess.Popen(
         [sys.executable, "-c", "from susp_ctrl.cli import main; main()", *arguments],
@@ -192,8 +276,8 @@ def test_an_interrupt_keeps_what_is_finished_and_says_so(tmp_path):
     while not journal.exists() or journal.read_bytes().count(b"\n") < 10:
         assert time.monotonic() < end
         time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert said == f"susp-ctrl: interrupted; finished variants are kept in {tmp_path}\n"
+    process.send_signal(getattr(signal, number))
+    _, line = process.communicate(timeout=60)
+    assert process.returncode == status
+    assert line == f"susp-ctrl: {said}; finished variants are kept in {tmp_path}\n"
     assert [path.name for path in tmp_path.iterdir()] == ["journal.jsonl"]

@@ -15,3 +15,21 @@ def ends_itself(task):
 
 def process_number(task):
     return os.getpid()
+
+
+class DiesWhileStarting:
+    """A task that kills the process to which it is sent, as many times as there are lines to take from a file."""
+
+    def __init__(self, file, times):
+        self.file = file
+        file.write_text("x" * times)
+
+    def __call__(self, task):
+        return task
+
+    def __setstate__(self, state):
+        self.__dict__ = state
+        left = self.file.read_text()
+        if left:
+            self.file.write_text(left[1:])
+            os.kill(os.getpid(), signal.SIGKILL)
