@@ -16,6 +16,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "InputError",
         "NeutralLoopError",
         "UndecidedStabilityWarning",
+        "TooMuchWorkError",
         "UnstableSystemError",
         "PadeOrderWarning",
     ),

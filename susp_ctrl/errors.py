@@ -54,6 +54,10 @@ class NeutralLoopError(InputError):
     """
 
 
+class TooMuchWorkError(InputError):
+    """A computation would take more work than is allowed; the message says how much, and what makes it less."""
+
+
 class UnstableSystemError(InputError):
     """A quantity that exists only for stable systems was asked of one that is not shown to be stable."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
 from susp_ctrl.ride.comfort import exposure, mean_square
+from susp_ctrl.ride.extremes import Signals, extremes
 from susp_ctrl.ride.indicators import (
     COMFORT_WEIGHTS,
     VehicleLike,
@@ -26,6 +27,9 @@ from susp_ctrl.ride.indicators import (
 from susp_ctrl.ride.weighting import weighted_history
 
 Row = tuple[str, float, str]
+Limits = Mapping[str, tuple[float, float]]
+
+_RATE_STEP = 1.0 / 32.0  # half the difference that stands for a derivative, in sampling steps
 
 
 def ride_indices(
@@ -74,6 +78,8 @@ def ride_indices(
           velocity ``actuator_power*_mean`` and ``*_peak`` of f times that velocity, positive where the
           actuator drives the suspension.
 
+        Peaks, least and largest loads and rates of a response of `simulate` are those of the exact solution between
+        the samples; of any other response, those of its samples. Figures of weighted accelerations are of samples.
         MTVV and what follows from it is nan in records shorter than 1 s, ratios are nan for a car at rest.
 
     Raises
@@ -110,18 +116,19 @@ def ride_indices(
             f"response has outputs {', '.join(labels)}: "
             "an acceleration or a suspension or tire deflection is needed"
         )
+    limits = _limits(response, t[kept], record, labels, seat)
     rows = [(name, _rms(t[kept], record[name]), signal_unit(name)) for name in indicators]
-    rows += [(f"{name}_peak", _peak(record[name]), signal_unit(name)) for name in indicators]
+    rows += [(f"{name}_peak", _peak(limits[name]), signal_unit(name)) for name in indicators]
     rows += _comfort_rows(t, signals, kept)
     if vehicle is not None:
-        rows += _tire_rows(t[kept], record, vehicle)
+        rows += _tire_rows(t[kept], record, limits, vehicle)
     if limit is not None:
         rows += [
-            (f"{name}_stroke_use", _peak(values) / limit, "-")
-            for name, values in record.items()
+            (f"{name}_stroke_use", _peak(limits[name]) / limit, "-")
+            for name in record
             if name.startswith("suspension_deflection")
         ]
-    rows += _actuator_rows(t[kept], record)
+    rows += _actuator_rows(t[kept], record, limits)
     return pd.DataFrame(rows, columns=["indicator", "value", "unit"])
 
 
@@ -183,8 +190,50 @@ def _rms(t: FloatArray, values: FloatArray) -> float:
     return float(np.sqrt(mean_square(t, values)))
 
 
-def _peak(values: FloatArray) -> float:
-    return float(np.max(np.abs(values)))
+def _peak(limits: tuple[float, float]) -> float:
+    return max(abs(limits[0]), abs(limits[1]))
+
+
+def _limits(
+    response: Any, t: FloatArray, record: Signals, labels: list[str], seat: FloatArray | None
+) -> Limits:
+    """Return least and largest value of all signals, powers and force rates; exact where the response can tell."""
+    rates = {name: np.gradient(record[name], t) for name in _forces(record)}
+    evaluate: Callable[[FloatArray], FloatArray] | None = getattr(response, "at", None)
+    if evaluate is None:
+        return extremes(t, _with_actuators(record, rates), None)
+    late = _RATE_STEP * float(np.min(np.diff(t)))
+
+    def signals(times: FloatArray) -> dict[str, FloatArray]:
+        found = _checked_response(response.at(times))[1]
+        if seat is not None:
+            found["seat_acceleration"] = seat @ np.array([found[name] for name in labels])
+        return {name: found[name] for name in record}
+
+    def shown(times: FloatArray) -> Signals:
+        before, after = np.maximum(times - late, t[0]), np.minimum(times + late, t[-1])
+        every = np.unique(np.concatenate([times, before, after] if rates else [times]))
+        found = signals(every)
+        here, early, later = (np.searchsorted(every, some) for some in (times, before, after))
+        slopes = {name: (found[name][later] - found[name][early]) / (after - before) for name in rates}
+        return _with_actuators({name: values[here] for name, values in found.items()}, slopes)
+
+    return extremes(t, _with_actuators(record, rates), shown)
+
+
+def _forces(record: Signals) -> list[str]:
+    return [name for name in record if name.startswith("actuator_force")]
+
+
+def _with_actuators(record: Signals, rates: Signals) -> Signals:
+    """Return the signals, and the power and the rate of every actuator's force."""
+    shown = dict(record)
+    for name in _forces(record):
+        axle = name.removeprefix("actuator_force")
+        shown[f"{name}_rate"] = rates[name]
+        if f"suspension_velocity{axle}" in record:
+            shown[f"actuator_power{axle}"] = record[name] * record[f"suspension_velocity{axle}"]
+    return shown
 
 
 def _comfort_rows(t: FloatArray, signals: Mapping[str, FloatArray], kept: NDArray[np.bool_]) -> Iterator[Row]:
@@ -225,30 +274,29 @@ def _weighted(t: FloatArray, values: FloatArray, weighting: str) -> FloatArray:
     return np.asarray(CubicSpline(even, resampled)(t))
 
 
-def _tire_rows(t: FloatArray, record: Mapping[str, FloatArray], vehicle: VehicleLike) -> Iterator[Row]:
+def _tire_rows(t: FloatArray, record: Signals, limits: Limits, vehicle: VehicleLike) -> Iterator[Row]:
     for tire in vehicle.tires:
         if tire.deflection not in record:
             continue
         wheel = tire.deflection.removeprefix("tire_deflection")
-        dynamic = -tire.stiffness * record[tire.deflection]
-        rms, lowest = _rms(t, dynamic), tire.static_load + float(np.min(dynamic))
+        rms = tire.stiffness * _rms(t, record[tire.deflection])
+        least, most = limits[tire.deflection]
+        lowest = tire.static_load - tire.stiffness * most
         yield f"tire_load{wheel}", rms, "N"
         yield f"tire_load{wheel}_min", lowest, "N"
-        yield f"tire_load{wheel}_max", tire.static_load + float(np.max(dynamic)), "N"
+        yield f"tire_load{wheel}_max", tire.static_load - tire.stiffness * least, "N"
         yield f"load_coefficient{wheel}", rms / tire.static_load, "-"
         yield f"lift_off{wheel}", float(lowest <= 0), "-"
 
 
-def _actuator_rows(t: FloatArray, record: Mapping[str, FloatArray]) -> Iterator[Row]:
-    for name, force in record.items():
-        if not name.startswith("actuator_force"):
-            continue
-        axle = name.removeprefix("actuator_force")
+def _actuator_rows(t: FloatArray, record: Signals, limits: Limits) -> Iterator[Row]:
+    for name in _forces(record):
+        axle, force = name.removeprefix("actuator_force"), record[name]
         yield name, _rms(t, force), "N"
-        yield f"{name}_peak", _peak(force), "N"
-        yield f"{name}_rate_peak", _peak(np.gradient(force, t)), "N/s"
+        yield f"{name}_peak", _peak(limits[name]), "N"
+        yield f"{name}_rate_peak", _peak(limits[f"{name}_rate"]), "N/s"
         velocity = record.get(f"suspension_velocity{axle}")
         if velocity is not None:
             power = force * velocity
             yield f"actuator_power{axle}_mean", float(trapezoid(power, t) / (t[-1] - t[0])), "W"
-            yield f"actuator_power{axle}_peak", _peak(power), "W"
+            yield f"actuator_power{axle}_peak", _peak(limits[f"actuator_power{axle}"]), "W"

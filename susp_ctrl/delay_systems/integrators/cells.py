@@ -29,6 +29,7 @@ from susp_ctrl.delay_systems.model import Realization
 
 # Eigenvector matrices worse conditioned than this lose too many digits; the Schur form takes their place.
 _EIGENVECTOR_CONDITION = 1e5
+_JUMP = 0.03  # part of a signal's range in a cell that the two highest coefficients are where it jumps
 
 
 class GaussRule:
@@ -73,6 +74,22 @@ class GaussRule:
         np.divide(self._barycentric, rows, out=rows)
         rows /= rows.sum(axis=-1, keepdims=True)
         return rows
+
+    def companion(self, signal: FloatArray, jumps: bool = False) -> FloatArray:
+        """Return node values, shape (..., N, cells, columns), without the two highest coefficients.
+
+        Where there may be `jumps`, a cell whose coefficients do not decay becomes its first value: its highest
+        coefficients have no integral, so that leaving them out would show nothing.
+        """
+        *before, cells, columns = signal.shape
+        flat = signal.reshape(*before, cells * columns)
+        lower = (self.truncation @ flat).reshape(signal.shape)
+        if not jumps:
+            return lower
+        tail = np.sum(np.abs(self.to_coefficients[-2:] @ flat), axis=-2)
+        tail = tail.reshape(*before[:-1], 1, cells, columns)
+        rough = tail > _JUMP * np.ptp(signal, axis=-3, keepdims=True)
+        return np.where(rough, signal[..., :1, :, :], lower)
 
     def phase_resolved(self, tolerance: float) -> float:
         """Return the largest theta whose ``e^{j theta x}`` on [-1, 1] is resolved to a relative tolerance."""

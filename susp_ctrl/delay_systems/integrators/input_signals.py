@@ -8,8 +8,8 @@ A callable may carry attributes: `breakpoints` (times of kinks and jumps, s), `b
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -21,16 +21,40 @@ from susp_ctrl.errors import InputError
 
 Lines = tuple[FloatArray, FloatArray, FloatArray]
 
+LOOKS = 1000  # by default a feature as long as this part of the run is found
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+_FEW_LINES = 8  # sums of more lines are interpolated on cells, which costs less than another evaluation
+
 
 @dataclass(frozen=True)
 class Part:
-    """One given signal: `rows` are the inputs it drives; `samples` (rows, times) where it was given so."""
+    """One given signal.
+
+    Attributes
+    ----------
+    name : str
+        For messages.
+    rows : tuple of int
+        The inputs it drives.
+    function : callable
+        Its values at any times.
+    lines : tuple or None
+        Where it is a sum of sines for all times.
+    samples : ndarray or None
+        Shape (rows, times), where it was given so.
+    kinks : ndarray
+        Times of its kinks and jumps that are known.
+    bandwidth : float or None
+        Highest frequency (rad/s), where it announces one.
+    """
 
     name: str
     rows: tuple[int, ...]
     function: Callable[[FloatArray], Any]
     lines: Lines | None = None
     samples: FloatArray | None = None
+    kinks: FloatArray = field(default_factory=lambda: np.zeros(0))
+    bandwidth: float | None = 0.0
 
 
 @dataclass(frozen=True)
@@ -43,41 +67,62 @@ class Inputs:
         Number of inputs.
     parts : tuple of Part
         The given signals; inputs without one are zero.
-    breakpoints : ndarray
-        Increasing times of kinks and jumps.
-    bandwidth : float or None
-        Highest frequency (rad/s), where every part announces one.
     knots : ndarray or None
         Times of the samples, where inputs were given as arrays.
     hold : {"linear", "zero"}
         What the inputs given as arrays do between.
+    resolution : float or None
+        Longest time (s) between two looks at callables that are not sums of sines.
     """
 
     size: int
     parts: tuple[Part, ...]
-    breakpoints: FloatArray
-    bandwidth: float | None
     knots: FloatArray | None = None
     hold: str = "linear"
+    resolution: float | None = None
 
     def without_samples(self) -> tuple[Inputs, Inputs]:
         """Return the inputs given by samples alone, and the others alone."""
         sampled = tuple(part for part in self.parts if part.samples is not None)
         others = tuple(part for part in self.parts if part.samples is None)
-        return (
-            replace(self, parts=sampled, breakpoints=np.zeros(0), bandwidth=0.0),
-            replace(self, parts=others, knots=None),
-        )
+        return replace(self, parts=sampled), replace(self, parts=others, knots=None)
 
-    def without_sines(self) -> tuple[Inputs, Inputs]:
-        """Return the inputs that may have kinks alone, and the sums of sines, which have none, alone."""
-        kinked = tuple(part for part in self.parts if part.lines is None)
-        smooth = tuple(part for part in self.parts if part.lines is not None)
-        band = max((float(np.max(part.lines[0], initial=0.0)) for part in smooth if part.lines), default=0.0)
-        return (
-            replace(self, parts=kinked),
-            replace(self, parts=smooth, breakpoints=np.zeros(0), knots=None, bandwidth=band),
-        )
+    def without_smooth(self) -> tuple[Inputs, Inputs]:
+        """Return the inputs that have samples or known kinks alone, and the others, which have none, alone."""
+        kinked = tuple(part for part in self.parts if part.samples is not None or part.kinks.size)
+        smooth = tuple(part for part in self.parts if part.samples is None and not part.kinks.size)
+        return replace(self, parts=kinked), replace(self, parts=smooth, knots=None)
+
+    @cached_property
+    def breakpoints(self) -> FloatArray:
+        """Increasing times of kinks and jumps."""
+        return np.unique(np.concatenate([np.zeros(0), *(part.kinks for part in self.parts)]))
+
+    @property
+    def bandwidth(self) -> float | None:
+        """Highest frequency (rad/s), where every part announces one."""
+        bands = [part.bandwidth for part in self.parts]
+        announced = [band for band in bands if band is not None]
+        return max(announced, default=0.0) if len(announced) == len(bands) else None
+
+    @property
+    def watched_rows(self) -> list[int]:
+        """Inputs given by callables whose values only the callable knows."""
+        plain = [part for part in self.parts if part.lines is None and part.samples is None]
+        return sorted({row for part in plain for row in part.rows})
+
+    def looks(self, timepts: FloatArray, start: float) -> FloatArray:
+        """Return the times at which polynomials are held against callables: `timepts` and times between them.
+
+        No two are farther apart than `resolution`, and those between `timepts` lie irregularly, so that no
+        period of the input hides it.
+        """
+        if not self.watched_rows:
+            return timepts
+        ends = np.unique(np.append(timepts, start))
+        span = float(ends[-1] - ends[0])
+        step = 0.5 * (span / LOOKS if self.resolution is None else self.resolution)
+        return looking_times(ends, step) if span > 0.0 else timepts
 
     @property
     def sample_times(self) -> FloatArray:
@@ -89,6 +134,17 @@ class Inputs:
         values = np.zeros((self.size, *times.shape))
         for part in self.parts:
             values[list(part.rows)] = _evaluate(part, times.ravel()).reshape(len(part.rows), *times.shape)
+        return values
+
+    def given(self, times: FloatArray) -> FloatArray:
+        """Return what the caller gave at `times`, shape (inputs, times).
+
+        Sums of many sines are nan: they are what their lines say, and need no second evaluation.
+        """
+        values = np.zeros((self.size, times.size))
+        for part in self.parts:
+            many = part.lines is not None and part.lines[0].size > _FEW_LINES
+            values[list(part.rows)] = np.nan if many else _evaluate(part, times)
         return values
 
     def on_cells(self, starts: FloatArray, offsets: FloatArray) -> FloatArray:
@@ -117,6 +173,7 @@ def as_inputs(
     hold: str = "linear",
     breakpoints: Any = (),
     name: str = "inputs",
+    resolution: float | None = None,
 ) -> Inputs:
     """Return the inputs in one shape.
 
@@ -135,43 +192,51 @@ def as_inputs(
         Times of kinks and jumps that the callables do not announce.
     name : str
         Argument name for messages.
+    resolution : float, optional
+        Longest time (s) between two looks at a callable.
 
     Raises
     ------
     InputError
-        An unknown name, a wrong shape, a value that is not finite.
+        An unknown name, a wrong shape, a value that is not finite, sines that are not the callable.
     """
     q = len(labels)
     parts: list[Part] = []
-    known: list[float] = [*validation.vector("breakpoints", breakpoints)]
-    bandwidths: list[float | None] = []
+    unannounced = validation.vector("breakpoints", breakpoints)
     knots: FloatArray | None = None
     for label, rows, value in _given(inputs, labels, name):
         if callable(value):
-            part = Part(label, rows, value, _lines(label, value) if len(rows) == 1 else None)
-            _evaluate(part, np.array([timepts[0], timepts[-1]]))
-            parts.append(part)
-            known.extend(validation.vector(f"{label}.breakpoints", announced_breakpoints(value)))
+            lines = _lines(label, value) if len(rows) == 1 else None
+            kinks = validation.vector(f"{label}.breakpoints", announced_breakpoints(value))
+            kinks = np.append(kinks, unannounced) if lines is None else np.zeros(0)
             band = getattr(value, "bandwidth", None)
-            if band is None and part.lines is not None:
-                band = float(np.max(part.lines[0], initial=0.0))
-            bandwidths.append(band)
+            if band is None and lines is not None:
+                band = float(np.max(lines[0], initial=0.0))
+            parts.append(Part(label, rows, value, lines, None, kinks, band))
+            _check_lines(parts[-1], timepts)
             continue
         if np.ndim(value) == 0:
             constant = validation.number(label, value)
             line = (np.zeros(1), np.array([constant]), np.array([0.5 * np.pi])) if len(rows) == 1 else None
             parts.append(Part(label, rows, partial(_constant, constant), line))
-            bandwidths.append(0.0)
             continue
         samples = _samples(label, value, len(rows), timepts)
         if not np.any(samples):
             continue
         parts.append(Part(label, rows, _sampled(timepts, samples, hold), None, samples))
-        bandwidths.append(0.0)
         knots = timepts
-    announced = [b for b in bandwidths if b is not None]
-    bandwidth = max(announced, default=0.0) if len(announced) == len(bandwidths) else None
-    return Inputs(q, tuple(parts), np.unique(np.array(known, dtype=float)), bandwidth, knots, hold)
+    return Inputs(q, tuple(parts), knots, hold, resolution)
+
+
+def looking_times(ends: FloatArray, step: float) -> FloatArray:
+    """Return `ends` and, where they are more than two steps apart, one time in every step between, irregularly."""
+    gaps = np.diff(ends)
+    counts = np.where(gaps > 2.0 * step, np.ceil(gaps / step), 0.0).astype(int)
+    gap = np.repeat(np.arange(gaps.size), counts)
+    number = np.arange(gap.size)
+    inside = number - np.repeat(np.cumsum(counts) - counts, counts)
+    share = (inside + (number + 1) * _GOLDEN % 1.0) / counts[gap]
+    return np.unique(np.concatenate([ends, ends[gap] + share * gaps[gap]]))
 
 
 def _given(inputs: Any, labels: Sequence[str], name: str) -> list[tuple[str, tuple[int, ...], Any]]:
@@ -209,6 +274,21 @@ def _lines(label: str, value: Any) -> Lines | None:
         raise InputError(f"{label}.sines has {len(lines)} entries: (omegas, amplitudes, phases) are needed")
     omegas, amplitudes, phases = (validation.vector(f"{label}.sines[{k}]", lines[k]) for k in range(3))
     return tuple(np.array(a) for a in np.broadcast_arrays(omegas, amplitudes, phases))  # type: ignore[return-value]
+
+
+def _check_lines(part: Part, timepts: FloatArray) -> None:
+    """Refuse a callable that is not the sum of sines that it announces."""
+    few = np.append(timepts[:: max(1, timepts.size // 16)], timepts[-1])
+    given = _evaluate(part, few)
+    if part.lines is None:
+        return
+    omegas, amplitudes, phases = part.lines
+    wave = np.sin(np.multiply.outer(few, omegas) + phases) @ amplitudes
+    off = np.abs(given[0] - wave) > 1e-7 * np.sum(np.abs(amplitudes))
+    if np.any(off):
+        raise InputError(
+            f"{part.name}.sines is not the callable: they differ at t = {few[int(np.argmax(off))]:g} s"
+        )
 
 
 def _evaluate(part: Part, times: FloatArray) -> NDArray[np.float64]:

@@ -6,7 +6,8 @@ Samples on uneven grids and measured roads have kinks that no grid of cells meet
 .. math:: \int_0^s e^{T(s - \sigma)} B_1 u(\sigma)\, d\sigma
 
 from kink to kink. The delayed signals, which the plant has smoothed, are polynomials on each cell; where the kinks
-left in them are too strong, which the companion of lower degree shows, shorter cells follow.
+left in them are too strong, which the companion of lower degree shows, shorter cells follow. Where a callable is not
+what the quadrature took it for, the method of steps takes over.
 """
 
 from __future__ import annotations
@@ -27,14 +28,15 @@ from susp_ctrl.delay_systems.model import FoldedLoop
 _EPS = float(np.finfo(float).eps)
 _NODES = 10
 _POINTS = 6  # of the quadrature between kinks; the companion takes what four coefficients hold
-_FEWEST_CELLS = 8  # shortest delay in cells below which blocks are too short to pay
+_FEWEST_CELLS = 2  # shortest delay in cells
+_MISS = 1e-5  # of an input's peak that the quadrature's polynomial may be off between kinks
 _MOST_DECAY = 4.0  # of a mode over a cell: its inverse multiplies rounding
 _MOST_CELLS = 64  # for each kink
 
 
 def share(inputs: Sequence[Inputs]) -> tuple[list[Inputs], list[Inputs]]:
-    """Return what this march takes of the inputs, those that may have kinks, and the sums of sines."""
-    own, others = zip(*(i.without_sines() for i in inputs), strict=True)
+    """Return what this march takes of the inputs, those that have known kinks, and the others."""
+    own, others = zip(*(i.without_smooth() for i in inputs), strict=True)
     return list(own), list(others)
 
 
@@ -70,7 +72,8 @@ def run(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start: 
     Raises
     ------
     TooCoarseError
-        So many cells would be needed that the method of steps pays as well.
+        So many cells would be needed that the method of steps pays as well, or a callable is not what the
+        quadrature takes it for.
     OverflowError
         The response of an unstable loop leaves the range of floating point numbers.
     """
@@ -93,6 +96,8 @@ def run(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start: 
             return _KinkedMarch(loop, cells, inputs, rows, knots, timepts, start, count, rtol).run()
         except TooCoarseError as problem:
             failed = problem
+        if not np.isfinite(failed.excess):
+            break
         # kinks that the plant has smoothed once or twice: the error falls with a power of two to three
         count *= int(np.clip(np.ceil(1.2 * failed.excess**0.4), 2, 8))
     raise failed
@@ -119,6 +124,18 @@ class _KinkedMarch(UniformMarch):
     ) -> None:
         super().__init__(loop, cells, rows, len(inputs), start, timepts, (count, count), rtol)
         self.inputs, self.knots, self.written = inputs, knots, 0
+        self.given = np.stack([i.given(timepts) for i in inputs], axis=-1)
+        self.looks = np.unique(np.concatenate([i.looks(timepts, start) for i in inputs]))
+        at_looks = self.given
+        if self.looks.size > timepts.size:
+            at_looks = np.stack([i.given(self.looks) for i in inputs], axis=-1)
+        after = np.searchsorted(knots, self.looks)
+        gap = np.minimum(
+            np.abs(self.looks - knots[np.maximum(after - 1, 0)]),
+            np.abs(self.looks - knots[np.minimum(after, knots.size - 1)]),
+        )
+        self.held_against = np.where(gap[:, None] > cells.rounding, at_looks[rows], np.nan)
+        self.u_peak = np.nanmax(np.abs(self.held_against), axis=1, initial=0.0)
         self.poles = np.diag(cells.coordinates.T)
         self.quadrature = gauss_rule(_POINTS)
         nodes, r, columns = cells.reach[:-1].shape
@@ -157,6 +174,7 @@ class _KinkedMarch(UniformMarch):
         kernel *= half[:, None] * rule.weights
         u = np.stack([signals.at(points)[self.rows] for signals in self.inputs], axis=-1)
         self.u_peak = np.maximum(self.u_peak, np.max(np.abs(u), axis=(1, 2)))
+        self._compare(times, u)
         u = np.concatenate([u, rule.truncation @ u], axis=-1)
         drive = np.zeros((self.poles.size, left.size, u.shape[-1]), dtype=complex)
         for j, row in enumerate(self.rows):
@@ -165,6 +183,20 @@ class _KinkedMarch(UniformMarch):
         total = np.zeros((drive.shape[0], times.size, drive.shape[2]), dtype=complex)
         np.cumsum(drive, axis=1, out=total[:, 1:])
         return total
+
+    def _compare(self, times: FloatArray, u: FloatArray) -> None:
+        """Raise `TooCoarseError` where polynomials between `times` are not what was given."""
+        first, last = np.searchsorted(self.looks, times[[0, -1]])
+        looks = self.looks[first:last]
+        # a look at the border of two pieces is held against both
+        for side in ("left", "right"):
+            piece = np.clip(np.searchsorted(times, looks, side=side) - 1, 0, times.size - 2)
+            width = times[piece + 1] - times[piece]
+            point = 2.0 * (looks - times[piece]) / np.where(width > 0.0, width, np.inf) - 1.0
+            values = np.einsum("tn,stnc->stc", self.quadrature.rows(point), u[:, piece])
+            miss = np.abs(values - self.held_against[:, first:last])
+            if np.any(miss[:, width > 0.0] > _MISS * self.u_peak[:, None]):
+                raise TooCoarseError(np.inf)
 
     def _write(self, a: int, b: int, starts: FloatArray, w: FloatArray, sources: FloatArray) -> FloatArray:
         cells, rule, cases, plant = self.cells, self.cells.rule, self.cases, self.plant
@@ -189,8 +221,7 @@ class _KinkedMarch(UniformMarch):
             delayed[place < 0.0] = 0.0
             y += plant.D12[:, k][:, None, None] * delayed
         self.x[:, here], self.y[:, here] = x[..., :cases], y[..., :cases]
-        for j, signals in enumerate(self.inputs):
-            self.u[:, here, j] = signals.at(wanted)
+        self.u[:, here] = self.given[:, here]
         self.y[:, here] += np.tensordot(plant.D11, self.u[:, here], axes=1)
         self.peak = np.maximum(self.peak, np.max(np.abs(self.y[:, here]), axis=1, initial=0.0))
         return y

@@ -6,8 +6,10 @@ the cell, from the cell itself) and the plant answers exactly to polynomial forc
 (`cells`). Cells of one length share their operators and are taken in panels, so that
 Python is busy once per cell or less, never once per sample.
 
-The cells' length follows the decay of the Legendre coefficients. Beside the solution runs a companion that uses
-every input and every delayed signal without its two highest coefficients; the difference estimates the error.
+The cells' length follows the decay of the Legendre coefficients, and the polynomials of inputs and history are held
+against what the caller gave at the output times and at irregular times between them: what falls between the nodes of
+a cell is seen there. Beside the solution runs a companion that uses every input and every delayed signal without its
+two highest coefficients; the difference estimates the error. The number of cells is bounded beforehand.
 
 On a cell of length h, with Legendre coefficients c of all forcing,
 
@@ -31,24 +33,18 @@ from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.integrators.cells import gauss_rule
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs
 from susp_ctrl.delay_systems.integrators.kinks import MANY_KNOTS, propagated_kinks
-from susp_ctrl.delay_systems.integrators.panels import CellGroup, PanelSolver
-from susp_ctrl.delay_systems.integrators.signal_memory import SignalMemory
-from susp_ctrl.delay_systems.integrators.trajectory import Past, Run
+from susp_ctrl.delay_systems.integrators.panels import CellGroup, PanelSolver, Places, ends, places
+from susp_ctrl.delay_systems.integrators.refinement import MOST_CELLS, TINY, CellLength, TooLong
+from susp_ctrl.delay_systems.integrators.trajectory import Past, Run, SignalMemory
 from susp_ctrl.delay_systems.model import FoldedLoop
+from susp_ctrl.errors import TooMuchWorkError
 
 _EPS = float(np.finfo(float).eps)
 _NODES = 24
+_WELL_HELD = 1e-10
 _FEW_NODES = (6, 8, 12, 16, 24)  # where many kinks make the cells short
 _MOST_TURNS = 8  # lengths in the pattern of a panel
-_MOST_CELLS = 64  # cells of a panel in smooth stretches
 _MOST_VALUES = 1_500_000  # values of one signal group in a panel: bounds the memory
-_LOUDEST_NOISE = 1e-6  # relative size of coefficients that can pass for noise
-_SMALLEST = 2.0**-30  # cells are not refined below this fraction of the first length
-
-
-class _Refine(Exception):  # noqa: N818  a signal between panel and march, never seen outside
-    def __init__(self, factor: float, tail: float) -> None:
-        self.factor, self.tail = factor, tail
 
 
 def run(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, past: Past, rtol: float) -> Run:
@@ -69,13 +65,20 @@ def run(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, past: P
 
     Raises
     ------
+    TooMuchWorkError
+        The inputs are so rough that the bound on the number of cells is met.
     OverflowError
         The response of an unstable loop leaves the range of floating point numbers.
     """
     tolerance = 1e-2 * rtol
     best, least = None, np.inf
     for _ in range(3):
-        found = _March(loop, inputs, timepts, past, rtol, tolerance).run()
+        try:
+            found = _March(loop, inputs, timepts, past, rtol, tolerance).run()
+        except TooMuchWorkError:
+            if best is None:
+                raise
+            break
         worst = float(np.max(found.relative_error, initial=0.0))
         helped = worst < 0.3 * least
         if best is None or worst < least:
@@ -101,28 +104,30 @@ class _March:
     ) -> None:
         self.plant, self.delays = loop.plant, loop.delays
         self.inputs, self.timepts, self.past = inputs, timepts, past
-        self.tolerance, self.most_noise = max(tolerance, 4.0 * _EPS), max(0.1 * rtol, 1e-12)
         cases = self.cases = len(inputs)
         # a run that is asked for nothing but its start still takes one cell
         self.end = max(float(timepts[-1]), past.start + 1e-9)
         span = max(abs(self.end), float(np.max(self.delays, initial=0.0)))
         self.near = 4096 * _EPS * span
-        self._plan(rtol)
-        self.memory = SignalMemory(self.delays, self.rule, past, cases)
+        self._plan(rtol, tolerance)
+        self.memory = SignalMemory(self.delays, self.rule, past, cases, 1e-2 * self.cells.nominal)
         self.solver = PanelSolver(loop, inputs, self.rule, self.memory, span)
         xi = self.solver.coordinates.into @ past.state
         self.xi = np.tile(np.concatenate([xi.real, xi.imag]), (1, 2))
         n, p, q, T = self.plant.n_states, self.plant.n_outputs, self.plant.n_inputs, timepts.size
-        self.y, self.x, self.u = (np.empty((size, T, cases)) for size in (p, n, q))
-        self.written = 0
+        self.y, self.x = np.empty((p, T, cases)), np.empty((n, T, cases))
+        # where cells hold sums of many sines well enough these need no second evaluation
+        evaluate = Inputs.given if tolerance <= _WELL_HELD else Inputs.at
+        self.u = np.stack([evaluate(i, timepts) for i in inputs], axis=-1)
         self.error, self.peak, self.rounding = (np.zeros((p, cases)) for _ in range(3))
         self.z_peak, self.u_peak = np.zeros((self.delays.size, cases)), np.zeros((q, cases))
         self.x_peak = np.abs(past.state) * np.ones((n, cases))
-        self.most, self.wait, self.backoff, self.trial = 8, 0, 1, False
+        self.many = np.flatnonzero(np.any(np.isnan(self.u), axis=(1, 2)))  # rows of many sines
+        self._watch_inputs()
+        self._watch_history()
         self.gaps = np.diff(self.edges)
-        self.accept = ""  # why cells are taken whose coefficients do not decay: "noise" or "small"
 
-    def _plan(self, rtol: float) -> None:
+    def _plan(self, rtol: float, tolerance: float) -> None:
         """Choose nodes and first cell length, and place the kinks."""
         plant, start = self.plant, self.past.start
         closed = plant.closed_matrix(np.ones(plant.n_channels, dtype=complex))
@@ -139,12 +144,10 @@ class _March:
             knots, sources = sources, sources[:0]
             step = float(np.median(np.diff(knots)))
             phase = 0.5 * self.omega * step
-            few = [n for n in _FEW_NODES if gauss_rule(n).phase_resolved(self.tolerance) >= 3.0 * phase]
+            few = [n for n in _FEW_NODES if gauss_rule(n).phase_resolved(tolerance) >= 3.0 * phase]
             self.rule = gauss_rule(few[0] if few else _NODES)
-        self.length = 1.8 * self.rule.phase_resolved(self.tolerance) / self.omega
-        self.nominal = self.length
-        self.smallest = _SMALLEST * min(self.length, self.end - start)
-        resolved = 2.0 * self.rule.size / min(self.length, self.end - start)
+        length = 1.8 * self.rule.phase_resolved(tolerance) / self.omega
+        resolved = 2.0 * self.rule.size / min(length, self.end - start)
         cut = max(1e-2 * rtol, 1e-15)
         kinks = propagated_kinks(
             plant, self.delays, {*sources, *self.past.kinks}, self.end, resolved, cut, self.near
@@ -153,30 +156,55 @@ class _March:
         kinks = np.unique(kinks[(kinks > start + self.near) & (kinks < self.end - self.near)])
         kinks = kinks[np.diff(kinks, prepend=start) > self.near]
         self.edges = np.concatenate([[start], kinks, [self.end]])
+        self.cells = CellLength(self.rule, length, self.end - start, self.edges.size, tolerance, rtol)
+
+    def _watch_inputs(self) -> None:
+        """Collect what the callables are at the output times, and at times between them."""
+        self.rows = sorted({row for i in self.inputs for row in i.watched_rows})
+        self.looks: list[tuple[FloatArray, FloatArray]] = []
+        if not self.rows:
+            return
+        all_times = np.concatenate([i.looks(self.timepts, self.past.start) for i in self.inputs])
+        between = np.setdiff1d(all_times, self.timepts)
+        given = np.stack([i.given(between) for i in self.inputs], axis=-1)
+        for times, values in ((self.timepts, self.u[self.rows]), (between, given[self.rows])):
+            self.u_peak[self.rows] = np.fmax(
+                self.u_peak[self.rows], np.nanmax(np.abs(values), axis=1, initial=0.0)
+            )
+            if times.size:
+                self.looks.append((times, self._off_edges(times, values)))
+
+    def _watch_history(self) -> None:
+        """Collect what a history given as a function is before the start, at the times when it acts."""
+        self.history: list[tuple[FloatArray, FloatArray]] = []
+        if self.past.looks is None or self.past.delayed is None or not self.delays.size:
+            return
+        times = self.past.looks
+        before = self.past.delayed(times) * np.ones(self.cases)
+        self.z_peak = np.max(np.abs(before), axis=1)
+        for values, delay in zip(before[:, None], self.delays, strict=True):
+            self.history.append((times + delay, self._off_edges(times + delay, values)))
+
+    def _off_edges(self, times: FloatArray, values: FloatArray) -> FloatArray:
+        """Return the values with nan at kinks and jumps, where there is nothing to compare."""
+        after = np.clip(np.searchsorted(self.edges, times), 1, self.edges.size - 1)
+        gap = np.minimum(np.abs(times - self.edges[after - 1]), np.abs(times - self.edges[after]))
+        return np.where(gap[:, None] > self.near, values, np.nan)
 
     def run(self) -> Run:
         """March from edge to edge."""
         gap, time = 0, float(self.edges[0])
-        tries: list[tuple[float, float]] = []  # lengths refused so far and their tails
         while gap < self.gaps.size:
             starts, lengths, next_time, next_gap = self._next_panel(gap, time)
             longest = float(np.max(lengths))
+            self.cells.begin(starts.size, time, self.end)
             try:
-                growth = self._panel(starts, lengths, next_time)
-            except _Refine as refine:
-                tries.append((longest, refine.tail))
-                self._refine(tries, refine.factor)
+                worst = self._panel(starts, lengths, next_time)
+            except TooLong as problem:
+                self.cells.refuse(longest, problem)
                 continue
-            self.accept, tries = "", []
             time, gap = next_time, next_gap
-            self.most = min(2 * self.most, _MOST_CELLS)
-            self.wait, self.trial = self.wait - 1, False
-            if growth >= 1.25:
-                cap = 2.0 if self.length < self.nominal else 1.25
-                self.length = max(self.length, min(growth, cap) * longest)
-            elif self.length < self.nominal and self.wait <= 0:
-                # what keeps the estimate down may be rounding; a refusal makes the next trial wait longer
-                self.length, self.trial = min(self.nominal, 2.0 * self.length), True
+            self.cells.take(longest, worst)
         r, longest_delay = self.solver.coordinates.size, float(np.max(self.delays, initial=0.0))
         state = (self.solver.coordinates.back @ (self.xi[:r] + 1j * self.xi[r:])).real[:, : self.cases]
         kinks = tuple(float(t) for t in self.edges if t >= self.end - longest_delay)
@@ -184,35 +212,18 @@ class _March:
         cells = self.memory.count - 1
         return Run(self.y, self.x, self.u, self.error, self.peak, past, cells, self.rounding)
 
-    def _refine(self, tries: list[tuple[float, float]], factor: float) -> None:
-        """Shorten the cells, or accept them as they are where that does not help."""
-        (first, tail_first), (last, tail_last) = tries[0], tries[-1]
-        self.backoff = 2 * self.backoff if self.trial else 1
-        self.wait, self.trial = self.backoff, False
-        self.most = min(self.most, 8)
-        if last <= self.smallest:
-            self.accept = "small"
-        elif (
-            len(tries) > 8 and tail_last > tail_first * np.sqrt(last / first) and tail_last <= _LOUDEST_NOISE
-        ):
-            # rounding, or noise of the input: it does not fall with the length as the tail of a kink does
-            self.accept, self.length = "noise", first
-            if tail_last <= self.most_noise:
-                self.tolerance = max(self.tolerance, 4.0 * tail_last)
-        else:
-            self.length = last * factor
-
     def _next_panel(self, gap: int, time: float) -> tuple[FloatArray, FloatArray, float, int]:
         """Return starts (cells, turns), lengths (turns,), and time and gap after the next panel."""
         left = float(self.edges[gap + 1]) - time
-        parts = max(1, int(np.ceil(left / self.length * (1.0 - 1e-9))))
-        if parts > self.most:
-            starts = time + self.length * np.arange(self.most)
-            return starts[:, None], np.array([self.length]), time + self.length * self.most, gap
+        parts = max(1, int(np.ceil(left / self.cells.length * (1.0 - 1e-9))))
+        if parts > self.cells.most:
+            length, most = self.cells.length, self.cells.most
+            starts: FloatArray = time + length * np.arange(most, dtype=float)
+            return starts[:, None], np.array([length]), float(time + length * most), gap
         turns, run = (1, 1) if time > self.edges[gap] else self._pattern(gap)
         gaps = self.gaps[gap : gap + turns] if run > 1 else np.array([left])
         firsts = self.edges[gap : gap + turns * run].reshape(run, turns) if run > 1 else np.array([[time]])
-        pieces = np.maximum(1, np.ceil(gaps / self.length * (1.0 - 1e-9))).astype(int)
+        pieces = np.maximum(1, np.ceil(gaps / self.cells.length * (1.0 - 1e-9))).astype(int)
         lengths = np.repeat(gaps / pieces, pieces)
         inside = np.concatenate([np.arange(n) for n in pieces])
         starts = np.repeat(firsts, pieces, axis=1) + inside * lengths
@@ -224,8 +235,10 @@ class _March:
     def _pattern(self, gap: int) -> tuple[int, int]:
         """Return after how many gaps their lengths repeat, and how many times they do."""
         ahead = max(1, _MOST_VALUES // (self.rule.size * max(1, sum(self.plant.D11.shape)) * self.cases))
-        gaps = self.gaps[gap : gap + min(ahead, 4096)]
-        long = gaps > 8.0 * self.length
+        # after a refusal what is ahead may be refused again
+        trusted = 4096 if self.cells.most == MOST_CELLS else self.cells.most
+        gaps = self.gaps[gap : gap + min(ahead, trusted)]
+        long = gaps > 8.0 * self.cells.length
         gaps = gaps[: int(np.argmax(long))] if np.any(long) else gaps
         best = (1, 1)
         for turns in range(1, _MOST_TURNS + 1):
@@ -239,14 +252,26 @@ class _March:
         return best
 
     def _panel(self, starts: FloatArray, lengths: FloatArray, end: float) -> float:
-        """Take a panel; return by how much its cells may grow, or raise `_Refine`."""
-        plant, solver, cases = self.plant, self.solver, self.cases
+        """Take a panel; return the relative size of its highest coefficients, or raise `TooLong`."""
+        plant, solver, cases, check = self.plant, self.solver, self.cases, self.cells.check
         noise = 64.0 * _EPS + 2.0 * _EPS * self.omega * abs(end)
         worst, u_peak = 0.0, self.u_peak
         groups = [solver.group(starts[:, j], float(length)) for j, length in enumerate(lengths)]
+        within = self._window(self.timepts, starts[0, 0], end)
+        targets = places(groups, self.timepts[within], self.rule, self.near)
         for g in groups:
             u_peak = np.maximum(u_peak, _size(g.u))
-            worst = self._check(g.u, u_peak, noise * u_peak, g, worst)
+            worst = check(g.u, u_peak, noise * (u_peak + TINY), g, worst, brief=True)
+        peak = u_peak[self.rows]
+        for k, (times, values) in enumerate(self.looks):
+            here = within if k == 0 else self._window(times, starts[0, 0], end)
+            spots = targets if k == 0 else places(groups, times[here], self.rule, self.near)
+            for g, spot in zip(groups, spots, strict=True):
+                self.cells.compare(g.u[self.rows], values[:, here], peak, noise * (peak + TINY), g, spot)
+        for g in groups if self.rows else ():
+            times, spot = ends(g, self.rule)
+            values = np.stack([i.given(times)[self.rows] for i in self.inputs], axis=-1)
+            self.cells.compare(g.u[self.rows], values, peak, noise * (peak + TINY), g, spot)
         with np.errstate(over="ignore", invalid="ignore"):
             xi = solver.solve(groups, self.xi)
         if not (np.all(np.isfinite(xi)) and all(np.all(np.isfinite(g.z)) for g in groups)):
@@ -254,6 +279,19 @@ class _March:
                 f"the response exceeds the range of floating point numbers near t = {starts[0, 0]:.6g} s: "
                 "the system is unstable, shorten the run"
             )
+        for k, (times, values) in enumerate(self.history):
+            if starts[0, 0] > times[-1] - self.near:
+                continue
+            here, peak = self._window(times, starts[0, 0], end), self.z_peak[[k]]
+            for g, spot in zip(groups, places(groups, times[here], self.rule, self.near), strict=True):
+                w = g.w[[k], :, :, :cases]
+                worst = check(w, peak, noise * (peak + TINY), g, worst, brief=True)
+                self.cells.compare(w, values[:, here], peak, noise * (peak + TINY), g, spot)
+                at, spot = ends(g, self.rule)
+                early = at - self.delays[k] < self.past.start
+                before = np.full((1, at.size, cases), np.nan)
+                before[0, early] = self.past.delayed(at[early] - self.delays[k])[k]  # type: ignore[misc]
+                self.cells.compare(w, before, peak, noise * (peak + TINY), g, spot)
         full, r = slice(0, cases), solver.coordinates.size
         rounding = self.rounding
         error, y_peak, z_peak, x_peak = self.error, self.peak, self.z_peak, self.x_peak
@@ -267,7 +305,7 @@ class _March:
             )
             x_peak, w_peak = np.maximum(x_peak, _size(x[..., full])), _size(g.w[..., full])
             # states are differences of coordinates, whose rounding they carry
-            size = np.max(np.abs(g.xi[:r] + 1j * g.xi[r:]), axis=1, initial=0.0)
+            size = np.max(np.abs(g.xi[:r] + 1j * g.xi[r:]), axis=1, initial=TINY)
             size = np.maximum(size, np.abs(xi[:r] + 1j * xi[r:]))[:, full]
             # where drives cancel (a symmetric car on a symmetric road does not roll) the rounding of each remains
             c = solver.coordinates
@@ -277,68 +315,32 @@ class _March:
             y_size = abs(plant.C1) @ x_size + abs(plant.D11) @ u_peak
             y_size += abs(plant.D12) @ np.maximum(z_size, w_peak)
             rounding = np.maximum(rounding, noise * y_size)
-            worst = self._check(y[..., full], y_peak, noise * y_size, g, worst)
-            worst = self._check(g.z[..., full], z_peak, noise * z_size, g, worst)
-            if self.accept != "small":
+            worst = check(y[..., full], y_peak, noise * (y_size + TINY), g, worst)
+            worst = check(g.z[..., full], z_peak, noise * (z_size + TINY), g, worst)
+            if self.cells.accept != "small":
                 # a cell as small as they get holds a kink: its own error lasts no time
-                error = np.maximum(error, _size(y[..., full] - solver.truncated(y[..., cases:])))
+                error = np.maximum(error, _size(y[..., full] - self.rule.companion(y[..., cases:])))
         self.error, self.peak, self.z_peak, self.x_peak, self.u_peak = error, y_peak, z_peak, x_peak, u_peak
         self.xi, self.rounding = xi, rounding
         self.memory.count += starts.size
-        self._write(results, end)
-        return float((1.0 / max(worst, 1e-300)) ** (1.0 / self.rule.size) * 0.85)
+        self._write(results, targets, within)
+        return worst
 
-    def _check(
-        self, signal: FloatArray, peak: FloatArray, floor: FloatArray, g: CellGroup, worst: float
-    ) -> float:
-        """Raise `_Refine` where the two highest coefficients are too large; return their relative size.
+    def _window(self, times: FloatArray, start: float, end: float) -> slice:
+        """Return which of `times` fall into a panel."""
+        last = times.size if end >= self.end else int(np.searchsorted(times, end - self.near))
+        return slice(int(np.searchsorted(times, start - self.near)), last)
 
-        `signal` has shape (signals, N, cells, cases); one is the size allowed. What lies below `floor`, or within
-        the rounding of the time itself, is rounding.
-        """
-        signals, N, cells, cases = signal.shape
-        flat = signal.reshape(signals, N, cells * cases)
-        tails = np.sum(np.abs(self.rule.to_coefficients[-2:] @ flat), axis=1)
-        tails = np.max(tails.reshape(signals, cells, cases), axis=1, initial=0.0)
-        rise = np.max(np.ptp(signal, axis=1), axis=1, initial=0.0) if signals else floor
-        late = 4.0 * _EPS * abs(float(g.starts[-1])) / g.length
-        rounding = floor + late * rise
-        with np.errstate(divide="ignore", invalid="ignore"):
-            excess = np.where(tails > rounding, (tails - rounding) / (self.tolerance * peak), 0.0)
-            share = np.where(tails > 0.0, tails / (self.tolerance * peak + rounding), 0.0)
-        largest = float(np.max(excess, initial=0.0))
-        if largest > 1.0 and not self.accept:
-            factor = (1.0 / largest) ** (1.0 / self.rule.size) * 0.9 if np.isfinite(largest) else 0.3
-            raise _Refine(float(np.clip(factor, 0.3, 0.8)), largest * self.tolerance)
-        return max(worst, float(np.max(share, initial=0.0)))
-
-    def _write(self, results: list[tuple[CellGroup, FloatArray, FloatArray]], end: float) -> None:
+    def _write(
+        self, results: list[tuple[CellGroup, FloatArray, FloatArray]], targets: list[Places], within: slice
+    ) -> None:
         """Interpolate the panel's signals at the output times that fall into it."""
-        a = self.written
-        b = self.timepts.size
-        if end < self.end:
-            b = int(np.searchsorted(self.timepts, end - self.near, side="left"))
-        if b <= a:
-            return
-        times, turns = self.timepts[a:b], len(results)
-        starts = np.stack([g.starts for g, _, _ in results], axis=1).ravel()
-        cell = np.clip(np.searchsorted(starts - self.near, times, side="right") - 1, 0, starts.size - 1)
-        for j, (g, x, y) in enumerate(results):
-            rows_of = np.flatnonzero(cell % turns == j) if turns > 1 else np.arange(times.size)
-            here = cell[rows_of] // turns
-            across = self.rule.rows(2.0 * (times[rows_of] - g.starts[here]) / g.length - 1.0)
-            targets = ((self.y, y[..., : self.cases]), (self.x, x[..., : self.cases]), (self.u, g.u))
-            if rows_of.size >= 4 * g.starts.size and turns == 1:
-                bounds = np.searchsorted(here, np.arange(g.starts.size + 1))
-                for i in range(g.starts.size):
-                    i0, i1 = int(bounds[i]), int(bounds[i + 1])
-                    if i1 > i0:
-                        for target, signal in targets:
-                            target[:, a + i0 : a + i1] = across[i0:i1] @ signal[:, :, i]
-            else:
-                for target, signal in targets:
-                    target[:, a + rows_of] = np.einsum("tn,sntc->stc", across, signal[:, :, here])
-        self.written = b
+        for (g, x, y), spots in zip(results, targets, strict=True):
+            here = within.start + spots.times
+            self.y[:, here] = spots.values(y[..., : self.cases])
+            self.x[:, here] = spots.values(x[..., : self.cases])
+            for row in self.many:
+                self.u[row, here] = spots.values(g.u[[row]])[0]
 
 
 def _size(signal: FloatArray) -> FloatArray:

@@ -14,16 +14,18 @@ from typing import Any
 
 import numpy as np
 import scipy.signal
+from numpy.typing import NDArray
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.integrators.cells import CellOperator, GaussRule, PlantCoordinates, cell_operator
 from susp_ctrl.delay_systems.integrators.input_signals import Inputs
-from susp_ctrl.delay_systems.integrators.signal_memory import SignalMemory
+from susp_ctrl.delay_systems.integrators.trajectory import SignalMemory
 from susp_ctrl.delay_systems.model import FoldedLoop
 
 _MOST_OPERATORS = 256
 # Fewer cells than this are taken one by one faster than by recursions along them.
 _WORTH_A_SCAN = 12
+_INSIDE = 1e-7  # of a cell
 
 
 @dataclass
@@ -40,6 +42,51 @@ class CellGroup:
     w: FloatArray
     z: FloatArray
     xi: FloatArray
+
+
+@dataclass
+class Places:
+    """Where times fall into the cells of one length: numbers of times and cells, and rows that interpolate there."""
+
+    times: NDArray[np.intp]
+    cells: NDArray[np.intp]
+    across: FloatArray
+
+    def values(self, signal: FloatArray) -> FloatArray:
+        """Return a signal of shape (signals, N, cells, columns) at the times, shape (signals, times, columns)."""
+        count = signal.shape[2]
+        if self.times.size < 4 * count:
+            return np.asarray(np.einsum("tn,sntc->stc", self.across, signal[:, :, self.cells]))
+        bounds = np.searchsorted(self.cells, np.arange(count + 1))
+        found = np.empty((signal.shape[0], self.times.size, signal.shape[3]))
+        for i in range(count):
+            some = slice(bounds[i], bounds[i + 1])
+            found[:, some] = self.across[some] @ signal[:, :, i]
+        return found
+
+
+def ends(g: CellGroup, rule: GaussRule) -> tuple[FloatArray, Places]:
+    """Return times just inside the ends of all cells: a jump there lies before the first or after the last node."""
+    count = g.starts.size
+    inside = np.maximum(_INSIDE * g.length, 32.0 * np.finfo(float).eps * np.abs(g.starts))
+    times = np.stack([g.starts + inside, g.starts + (g.length - inside)], axis=1).ravel()
+    cells = np.repeat(np.arange(count), 2)
+    point = 2.0 * (times - g.starts[cells]) / g.length - 1.0
+    return times, Places(np.arange(2 * count), cells, rule.rows(point))
+
+
+def places(groups: Sequence[CellGroup], times: FloatArray, rule: GaussRule, near: float) -> list[Places]:
+    """Return where increasing times inside a panel fall; one that is `near` a start belongs to that cell."""
+    turns = len(groups)
+    starts = np.stack([g.starts for g in groups], axis=1).ravel()
+    cell = np.clip(np.searchsorted(starts - near, times, side="right") - 1, 0, starts.size - 1)
+    found = []
+    for j, g in enumerate(groups):
+        chosen = np.flatnonzero(cell % turns == j) if turns > 1 else np.arange(times.size)
+        here = cell[chosen] // turns
+        across = rule.rows(2.0 * (times[chosen] - g.starts[here]) / g.length - 1.0)
+        found.append(Places(chosen, here, across))
+    return found
 
 
 class PanelSolver:
@@ -73,15 +120,9 @@ class PanelSolver:
         """Evaluate the inputs on cells of one length."""
         offsets = 0.5 * length * (1.0 + self.rule.nodes)
         u = np.stack([i.on_cells(starts, offsets) for i in self.inputs], axis=-1)
-        U = np.concatenate([u, self.truncated(u)], axis=-1)
+        U = np.concatenate([u, self.rule.companion(u, length < self.memory.short)], axis=-1)
         empty, later = np.empty(0), np.empty(0, dtype=complex)
         return CellGroup(starts, length, self._operator(length), u, U, later, empty, empty, empty, empty)
-
-    def truncated(self, signal: FloatArray) -> FloatArray:
-        """Drop the two highest coefficients of a signal of shape (signals, N, cells, columns)."""
-        signals, N, cells, columns = signal.shape
-        flat = signal.reshape(signals, N, cells * columns)
-        return (self.rule.truncation @ flat).reshape(signal.shape)
 
     def solve(self, groups: Sequence[CellGroup], start: FloatArray) -> FloatArray:
         """March through a panel whose cells take turns in `groups`; return the coordinates at its end.

@@ -32,7 +32,9 @@ def share(inputs: Sequence[Inputs]) -> tuple[list[Inputs], list[Inputs]]:
 def suits(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start: float, rtol: float) -> bool:
     """Tell whether every case is driven by samples on one uniform grid with cells that suit the loop."""
     plant, delays = loop
-    if timepts.size < 2 or np.any(plant.D22) or any(i.knots is None for i in inputs):
+    if timepts.size < 2 or np.any(plant.D22):
+        return False
+    if not all(i.knots is not None and np.array_equal(i.knots, timepts) for i in inputs):
         return False
     if len({i.hold for i in inputs}) > 1:
         return False

@@ -70,6 +70,7 @@ class UniformCells:
         rounding: float,
     ) -> None:
         self.plant, self.coordinates, self.rule, self.length = plant, coordinates, rule, length
+        self.rounding = rounding
         self.targets = np.append(0.5 * length * (1.0 + rule.nodes), length)
         self._to_z = plant.C2 @ coordinates.back
         cells = delays / length

@@ -1,7 +1,8 @@
 r"""The march over cells of one length from rest, whatever drives them.
 
 As many cells as the shortest delay is long are taken by one matrix product and one recursion for each coordinate
-of the plant (`uniform_cells`). Beside the solution runs a companion whose delayed signals
+of the plant (`uniform_cells`); what does not depend on the march, drives and outputs, is taken for many such blocks at
+once. Beside the solution runs a companion whose delayed signals
 lack the two highest coefficients on each cell; the difference estimates the error.
 """
 
@@ -20,6 +21,7 @@ from susp_ctrl.delay_systems.model import FoldedLoop
 
 _EPS = float(np.finfo(float).eps)
 _LONGEST_BLOCK = 1024
+_BLOCKS_TOGETHER = 256  # cells of short blocks whose drives and outputs are computed at once
 _KEPT_CELLS = 16384  # cells of the delayed signals held at once, beyond the longest delay
 _HOPELESS = 1e3  # excess of the error at which a run is broken off
 _FIRST_LOOK = 4096  # cells before that
@@ -104,13 +106,14 @@ class UniformMarch(ABC):
             The response of an unstable loop leaves the range of floating point numbers.
         """
         r = self.cells.coordinates.size
-        block = min(_LONGEST_BLOCK, int(np.min(self.cells.whole, initial=_LONGEST_BLOCK)))
+        self.block = min(_LONGEST_BLOCK, int(np.min(self.cells.whole, initial=_LONGEST_BLOCK)))
+        together = self.block * max(1, _BLOCKS_TOGETHER // self.block)
         known = np.zeros((r, 2 * self.cases), dtype=complex)
         state = known
-        for a in range(0, self.count, block):
-            b = min(a + block, self.count)
+        for a in range(0, self.count, together):
+            b = min(a + together, self.count)
             with np.errstate(over="ignore", invalid="ignore"):
-                xi = self._block(a, b, known)
+                xi = self._blocks(a, b, known)
             known = xi[:, -1]
             if a <= self.over <= b:
                 state = xi[:, self.over - a]
@@ -134,14 +137,34 @@ class UniformMarch(ABC):
             float(np.max(self.error / np.maximum(self.rtol * self.peak, np.finfo(float).tiny)))
         )
 
-    def _block(self, a: int, b: int, known: ComplexArray) -> ComplexArray:
+    def _blocks(self, a: int, b: int, known: ComplexArray) -> ComplexArray:
         """Take cells a to b; return the coordinates at their starts and at the last one's end."""
-        cells, cases = self.cells, self.cases
-        K, N, r, P, m = self.delays.size, cells.rule.size, cells.coordinates.size, b - a, known.shape[1]
         if b - self.offset > self.held.shape[2]:
             kept = a - self.reach - self.offset
             self.held[:, :, : self.reach] = self.held[:, :, kept : kept + self.reach].copy()
             self.offset = a - self.reach
+        forced, taken = self._forced(a, b), []
+        for first in range(a, b, self.block):
+            last = min(first + self.block, b)
+            taken.append(self._block(first, last, known, forced[:, first - a : last - a]))
+            known = taken[-1][0][:, -1]
+        xi = np.concatenate([*(one[0][:, :-1] for one in taken), known[:, None]], axis=1)
+        w, sources = (np.concatenate([one[k] for one in taken], axis=1) for k in (1, 2))
+        starts = np.concatenate([xi.real, xi.imag])[:, :-1]
+        cases = self.cases
+        self.xi_peak = np.maximum(self.xi_peak, np.max(np.abs(xi[..., :cases]), axis=1))
+        self.w_peak = np.maximum(self.w_peak, np.max(np.abs(w[..., :cases]), axis=1, initial=0.0))
+        y = self._write(a, b, starts, w, sources)
+        error = np.max(np.abs(y[..., :cases] - y[..., cases:]), axis=1, initial=0.0)
+        self.error = np.maximum(self.error, self.caution * error)
+        return xi
+
+    def _block(
+        self, a: int, b: int, known: ComplexArray, forced: FloatArray
+    ) -> tuple[ComplexArray, FloatArray, FloatArray]:
+        """Take cells a to b that see only what lies before a; return xi, w at their starts, and what they saw."""
+        cells, cases = self.cells, self.cases
+        K, N, r, P, m = self.delays.size, cells.rule.size, cells.coordinates.size, b - a, known.shape[1]
         sources = np.empty((K, 2, N, P, m))
         for k in range(K):
             newer = a - int(cells.whole[k]) - self.offset
@@ -149,7 +172,7 @@ class UniformMarch(ABC):
             sources[k, 1] = self.held[k, :, newer : newer + P]
         flat = sources.reshape(2 * K * N, P * m)
         local = (cells.from_delayed @ flat).reshape(len(cells.from_delayed), P, m)
-        local[: K * N + 2 * r] += self._forced(a, b)
+        local[: K * N + 2 * r] += forced
         drive = local[K * N : K * N + r] + 1j * local[K * N + r : K * N + 2 * r]
         xi = linear_recursion(cells.step, drive, known, cells.coordinates.diagonal)
         starts = np.concatenate([xi.real, xi.imag])[:, :-1]
@@ -158,13 +181,7 @@ class UniformMarch(ABC):
         held[:] = z.reshape(K, N, P, m)
         companion = held[..., cases:].reshape(K, N, P * cases)
         held[..., cases:] = (cells.rule.truncation @ companion).reshape(K, N, P, cases)
-        w = local[K * N + 2 * r :]
-        self.xi_peak = np.maximum(self.xi_peak, np.max(np.abs(xi[..., :cases]), axis=1))
-        self.w_peak = np.maximum(self.w_peak, np.max(np.abs(w[..., :cases]), axis=1, initial=0.0))
-        y = self._write(a, b, starts, w, flat)
-        error = np.max(np.abs(y[..., :cases] - y[..., cases:]), axis=1, initial=0.0)
-        self.error = np.maximum(self.error, self.caution * error)
-        return xi
+        return xi, local[K * N + 2 * r :], flat
 
     def _rounding(self) -> FloatArray:
         """Rounding of each output from that of the signals it is a sum of, where these may cancel."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.integrators import Inputs, Past, announced_breakpoints
+from susp_ctrl.delay_systems.integrators import LOOKS, Inputs, Past, announced_breakpoints, looking_times
 from susp_ctrl.delay_systems.model import DelaySystem, Realization
 from susp_ctrl.delay_systems.simulation.simulation_response import SimulationResponse
 from susp_ctrl.delay_systems.simulation.sinusoidal import phasors, sum_of_lines
@@ -32,7 +32,10 @@ def past_of(system: DelaySystem, history: Any, signals: Inputs) -> Past:
         state = _history_values(history, np.zeros(1), n)
         kinks = validation.vector("history.breakpoints", announced_breakpoints(history))
         function: Callable[[FloatArray], FloatArray] = lambda t: _history_values(history, t, n)  # noqa: E731
-        return Past(0.0, state, _delayed_before(system, function), (*kinks.tolist(), 0.0))
+        longest = float(np.max(system.folded.delays, initial=0.0))
+        step = 0.5 * (longest / LOOKS if signals.resolution is None else signals.resolution)
+        looks = looking_times(np.array([-longest, 0.0]), step) if longest > 0.0 else None
+        return Past(0.0, state, _delayed_before(system, function), (*kinks.tolist(), 0.0), looks)
     if isinstance(history, str):
         validation.one_of("history", history, ("steady",))
         lines = phasors(system, signals, "history = 'steady'")

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import control
 import numpy as np
+from numpy.typing import ArrayLike
 
+from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.integrators import Run
 from susp_ctrl.delay_systems.model import DelaySystem
+from susp_ctrl.errors import InputError
 
 
 class SimulationResponse(control.TimeResponseData):
@@ -32,6 +37,37 @@ class SimulationResponse(control.TimeResponseData):
     method: str
     order: Any
     past: Any
+    _origin: Origin
+
+    def at(self, timepts: ArrayLike) -> SimulationResponse:
+        """Return the response at other times of the same run, not interpolated but computed again.
+
+        Parameters
+        ----------
+        timepts : array_like, shape (n_times,)
+            Increasing times (s) between the start of the run and its end.
+
+        Raises
+        ------
+        InputError
+            A time lies outside the run.
+        """
+        origin, end = self._origin, float(self.time[-1])
+        times = validation.increasing("timepts", timepts, at_least=origin.start)
+        if times[-1] > end:
+            raise InputError(f"timepts[-1] = {times[-1]:g} is not allowed: the run ends at {end:g} s")
+        return simulation_response(origin, origin.march(times), times, self.method, self.order, origin.case)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What a response was computed from: system, march over any output times, start (s), wanted error, case."""
+
+    system: DelaySystem
+    march: Callable[[FloatArray], Run]
+    start: float
+    rtol: float
+    case: int = 0
 
 
 def names_of(system: DelaySystem) -> dict[str, Any]:
@@ -47,9 +83,10 @@ def names_of(system: DelaySystem) -> dict[str, Any]:
 
 
 def simulation_response(
-    system: DelaySystem, times: FloatArray, run: Run, method: str, order: Any, rtol: float, case: int = 0
+    origin: Origin, run: Run, times: FloatArray, method: str, order: Any, case: int = 0
 ) -> SimulationResponse:
-    """Return one case of a run under the system's names; warn where its error exceeds `rtol`."""
+    """Return one case of a run under the system's names; warn where its error exceeds what was wanted."""
+    system, rtol = origin.system, origin.rtol
     response = SimulationResponse(
         times,
         run.outputs[:, :, case],
@@ -59,6 +96,7 @@ def simulation_response(
     )
     response.error_estimate = run.error[:, case]
     response.method, response.order, response.past = method, order, run.past.case(case)
+    response._origin = replace(origin, case=case)
     relative = run.relative_error[:, case]
     if np.any(relative > rtol):
         worst = int(np.argmax(relative))

@@ -22,7 +22,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -45,7 +45,11 @@ from susp_ctrl.delay_systems.integrators import (
 )
 from susp_ctrl.delay_systems.model import DelaySystem, FoldedLoop
 from susp_ctrl.delay_systems.simulation.history import past_of
-from susp_ctrl.delay_systems.simulation.simulation_response import SimulationResponse, simulation_response
+from susp_ctrl.delay_systems.simulation.simulation_response import (
+    Origin,
+    SimulationResponse,
+    simulation_response,
+)
 from susp_ctrl.errors import InputError
 
 _METHODS = ("exact", "pade", "spectral")
@@ -64,6 +68,7 @@ def simulate(
     history: Any = None,
     hold: str = "linear",
     breakpoints: ArrayLike = (),
+    resolution: float | None = None,
     rtol: float = 1e-8,
 ) -> SimulationResponse:
     r"""Simulate a system with exact delays.
@@ -94,6 +99,9 @@ def simulate(
         What input arrays do between their samples: joined by lines, or held.
     breakpoints : array_like, optional
         Times (s) of kinks and jumps of the inputs that the callables do not announce.
+    resolution : float, optional
+        Longest time (s) between two looks at inputs and a history given as callables; at least a millionth of the
+        run, by default a thousandth of it (of the longest delay for the history).
     rtol : float, optional
         Error wanted, relative to each output's peak; between 1e-13 and 1e-2.
 
@@ -107,6 +115,9 @@ def simulate(
     ------
     InputError
         An argument is not allowed; the message names it.
+    TooMuchWorkError
+        An input is so rough that more cells would be needed than are allowed (30 000, or 30 for each that a smooth
+        input with the same announced kinks needs); the message says how far the run came.
     OverflowError
         The response of an unstable system leaves the range of floating point numbers.
 
@@ -120,7 +131,12 @@ def simulate(
     Notes
     -----
     Between kinks the delayed signals are known smooth functions, so each stretch is an ordinary forced linear
-    system [1]_. Values at a jump are those just after it.
+    system [1]_. Outputs at a jump are those just after it.
+
+    The inputs of the response are the callables' values at `timepts`. A feature of a callable, such as a short pulse,
+    is resolved if it lasts longer than `resolution`, if a time of `timepts` falls into it, or if its beginning and end
+    are announced as breakpoints, as the bumps and records of `susp_ctrl.road` announce theirs; a shorter one may be
+    passed over.
 
     References
     ----------
@@ -128,8 +144,8 @@ def simulate(
     """
     system = DelaySystem.of(sys, "sys")
     validation.one_of("method", method, _METHODS)
-    times = _checked_times(timepts, hold, rtol)
-    signals = as_inputs(inputs, system.input_labels, times, hold, breakpoints)
+    times = _checked_times(timepts, hold, resolution, rtol)
+    signals = as_inputs(inputs, system.input_labels, times, hold, breakpoints, resolution=resolution)
     if method != "exact":
         if history is not None:
             raise InputError(
@@ -142,8 +158,8 @@ def simulate(
         )
     past = past_of(system, history, signals)
     _check_start(times, past, signals)
-    run = _run_exact(system.folded, [signals], times, past, rtol)
-    return simulation_response(system, times, run, method, order, rtol)
+    origin = Origin(system, _march(system, [signals], past, rtol), past.start, rtol)
+    return simulation_response(origin, origin.march(times), times, method, order)
 
 
 def simulate_many(
@@ -154,6 +170,7 @@ def simulate_many(
     history: Any = None,
     hold: str = "linear",
     breakpoints: ArrayLike = (),
+    resolution: float | None = None,
     rtol: float = 1e-8,
 ) -> list[SimulationResponse]:
     """Simulate many systems, or one under many inputs, with exact delays.
@@ -172,7 +189,7 @@ def simulate_many(
         serves all systems.
     history : optional
         As in `simulate`, common to all cases; responses cannot be continued here.
-    hold, breakpoints, rtol
+    hold, breakpoints, resolution, rtol
         As in `simulate`.
 
     Returns
@@ -201,7 +218,7 @@ def simulate_many(
             )
     if isinstance(history, SimulationResponse):
         raise InputError("history is a response: continue runs one by one with simulate")
-    times = _checked_times(timepts, hold, rtol)
+    times = _checked_times(timepts, hold, resolution, rtol)
     models = models * (cases if len(models) == 1 else 1)
     loads = loads * (cases if len(loads) == 1 else 1)
     groups: dict[int, list[int]] = {}
@@ -213,16 +230,24 @@ def simulate_many(
         for a in range(0, len(members), _TOGETHER):
             some = members[a : a + _TOGETHER]
             signals = [
-                as_inputs(loads[k], system.input_labels, times, hold, breakpoints, f"inputs[{k}]")
+                as_inputs(loads[k], system.input_labels, times, hold, breakpoints, f"inputs[{k}]", resolution)
                 for k in some
             ]
             pasts = [past_of(system, history, s) for s in signals]
             for past, s in zip(pasts, signals, strict=True):
                 _check_start(times, past, s)
-            run = _run_exact(system.folded, signals, times, side_by_side(pasts), rtol)
+            past = side_by_side(pasts)
+            origin = Origin(system, _march(system, signals, past, rtol), past.start, rtol)
+            run = origin.march(times)
             for j, k in enumerate(some):
-                responses[k] = simulation_response(system, times, run, "exact", None, rtol, j)
+                responses[k] = simulation_response(origin, run, times, "exact", None, j)
     return [responses[k] for k in range(cases)]
+
+
+def _march(
+    system: DelaySystem, inputs: Sequence[Inputs], past: Past, rtol: float
+) -> Callable[[FloatArray], Run]:
+    return lambda timepts: _run_exact(system.folded, inputs, timepts, past, rtol)
 
 
 def _run_exact(
@@ -245,10 +270,13 @@ def _run_exact(
     return method_of_steps.run(loop, inputs, timepts, past, rtol)
 
 
-def _checked_times(timepts: ArrayLike, hold: str, rtol: float) -> FloatArray:
+def _checked_times(timepts: ArrayLike, hold: str, resolution: float | None, rtol: float) -> FloatArray:
     validation.one_of("hold", hold, ("linear", "zero"))
     validation.number("rtol", rtol, at_least=1e-13, at_most=1e-2)
-    return validation.increasing("timepts", timepts, at_least=0.0)
+    times = validation.increasing("timepts", timepts, at_least=0.0)
+    if resolution is not None:
+        validation.number("resolution", resolution, at_least=1e-6 * float(times[-1]), above=0.0)
+    return times
 
 
 def _approximated(system: DelaySystem, method: str, order: Any, signals: Inputs) -> tuple[DelaySystem, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -16,6 +17,7 @@ from susp_ctrl.delay_systems import DelayLTI, pade_order, simulate
 from susp_ctrl.delay_systems.approximation import HIGHEST_ORDER
 from susp_ctrl.errors import InputError, PadeOrderWarning, UnstableSystemError
 from susp_ctrl.ride import ride_indices, signal_unit, stationary_rms
+from susp_ctrl.ride.extremes import extremes
 from susp_ctrl.road import BumpRoad, HarmonicRoad, RandomRoad
 from susp_ctrl.study.results import Design, TimeCase
 from susp_ctrl.study.sections.workbench import Report, Workbench, road_text
@@ -76,7 +78,7 @@ def time_case(
         rms=_rms_table(designs, records, stationary, settings.outputs),
         indices=pd.concat(indices, ignore_index=True)[["indicator", "unit", "design", "value"]],
         printed=_printed(settings.key, audit),
-        pade_difference=_differences(designs, records, settings.outputs),
+        pade_difference=_differences(designs, records, settings),
     )
 
 
@@ -98,11 +100,15 @@ def record_times(duration: float, step: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Record:
-    """A simulated record: outputs, shape (outputs, n), RMS by output, ride indices; nan where the run overflowed."""
+    """A simulated record: outputs, shape (outputs, n), RMS by output, ride indices; nan where the run overflowed.
+
+    `at` gives the outputs at any times of the record; None where the run overflowed.
+    """
 
     outputs: FloatArray
     rms: pd.Series
     indices: pd.DataFrame
+    at: Callable[[FloatArray], FloatArray] | None
 
 
 def record(
@@ -115,16 +121,20 @@ def record(
     """
     times = record_times(settings.duration, settings.step)[::every]
     method: dict[str, Any] = {} if order is None else {"method": "pade", "order": order}
+    at: Callable[[FloatArray], FloatArray] | None = None
     try:
         response = simulate(bench.loop(key), settings.lead_in + times, road.inputs(bench.lags), **method)
-        values = np.asarray(response.y)[[response.output_labels.index(name) for name in settings.outputs]]
+        rows = [response.output_labels.index(name) for name in settings.outputs]
+        values = np.asarray(response.y)[rows]
         if not np.all(np.isfinite(values)):
             raise OverflowError
         indices = ride_indices(response, settings.skip, vehicle=bench.study.vehicle)
+        latest = float(response.time[-1])
+        at = lambda t: np.asarray(response.at(np.minimum(settings.lead_in + t, latest)).y)[rows]  # noqa: E731
     except OverflowError:
         values = np.full((len(settings.outputs), times.size), np.nan)
         indices = pd.DataFrame(columns=["indicator", "value", "unit"])
-    return Record(values, _rms(times, values, settings), indices)
+    return Record(values, _rms(times, values, settings), indices, at)
 
 
 def band_order(loop: DelayLTI, omega: float) -> int:
@@ -176,18 +186,40 @@ def _rms_table(
 
 
 def _differences(
-    designs: list[Design], records: dict[tuple[str, str], Record], outputs: tuple[str, ...]
+    designs: list[Design], records: dict[tuple[str, str], Record], settings: TimeSettings
 ) -> pd.DataFrame:
-    rows = []
+    """Return the largest difference between Padé and exact delays, and its share of the exact peak."""
+    rows, times = [], record_times(settings.duration, settings.step)
     for design in designs:
         if (design.key, PADE) not in records:
             continue
-        exact, approximate = records[design.key, EXACT].outputs, records[design.key, PADE].outputs
-        largest, peak = np.abs(approximate - exact).max(axis=1), np.abs(exact).max(axis=1)
-        relative = np.divide(largest, peak, out=np.full_like(peak, np.nan), where=peak > 0)
-        for output, d, r in zip(outputs, largest, relative, strict=True):
-            rows.append((design.key, output, signal_unit(output), float(d), float(r)))
+        exact, approximate = records[design.key, EXACT], records[design.key, PADE]
+        largest, peak = (
+            _largest(times, settings.outputs, *pair) for pair in ((approximate, exact), (exact,))
+        )
+        for output in settings.outputs:
+            relative = largest[output] / peak[output] if peak[output] > 0.0 else np.nan
+            rows.append((design.key, output, signal_unit(output), largest[output], relative))
     return pd.DataFrame(rows, columns=["design", "output", "unit", "max_difference", "relative_to_peak"])
+
+
+def _largest(
+    times: FloatArray, outputs: tuple[str, ...], one: Record, other: Record | None = None
+) -> dict[str, float]:
+    """Return the largest magnitude of every output of a record, or of its difference from another."""
+    others = [] if other is None else [other]
+
+    def named(values: FloatArray, *subtracted: FloatArray) -> dict[str, FloatArray]:
+        return dict(zip(outputs, values - sum(subtracted, np.zeros(1)), strict=True))
+
+    ways = [each.at for each in (one, *others) if each.at is not None]
+    known = len(ways) == 1 + len(others)
+    found = extremes(
+        times,
+        named(one.outputs, *(each.outputs for each in others)),
+        (lambda t: named(*(way(t) for way in ways))) if known else None,
+    )
+    return {name: max(abs(low), abs(high)) for name, (low, high) in found.items()}
 
 
 def _printed(key: str, audit: AuditSettings | None) -> pd.DataFrame | None:
