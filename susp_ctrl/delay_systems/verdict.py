@@ -26,7 +26,7 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 
 from susp_ctrl.arrays import ComplexArray
-from susp_ctrl.delay_systems.crossings import CrossingSearch, DelayLine
+from susp_ctrl.delay_systems.crossings import CrossingSearch, DelayLine, Work
 from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem
 from susp_ctrl.delay_systems.roots import (
     FIRST_ANGLE,
@@ -52,6 +52,8 @@ ROOTS, ARGUMENT, SWEEP = "roots", "argument principle", "sweep"
 _ANGLES, _REACHES = (1.0, 4.0), (1.0, 1.7, 3.0)
 # Beyond this number of unstable roots only the rightmost ones are computed.
 _MOST_COMPUTED = 300
+# What the sweep may spend on one verdict before it abstains: boxes, times the square of the order of their matrices.
+_SWEEP_WORK = 2_000_000
 # An abscissa that the roots method leaves open is good enough when counts enclose it this narrowly (relative).
 _NARROW = 1e-4
 
@@ -225,7 +227,10 @@ def _without_agreement(
 def _agreed(number: int, agreement: Mapping[str, int | None]) -> str:
     who = ", ".join(name for name, n in agreement.items() if n is not None)
     what = "no root has" if number == 0 else "one root has" if number == 1 else f"{number} roots have"
-    return f"{what} positive real part; {who} agree"
+    silent = [name for name, n in agreement.items() if n is None]
+    return f"{what} positive real part; {who} agree" + (
+        f", {', '.join(silent)} cannot tell" if silent else ""
+    )
 
 
 def _on_axis(found: RootSet) -> np.ndarray:
@@ -268,13 +273,14 @@ def _count(K: CharacteristicMatrix, line: float, system: DelaySystem | None = No
 
 
 def _count_by_sweep(system: DelaySystem, expected: int | None) -> int | None:
-    """Unstable roots without delay plus all that cross until the delays are full; None if not proven.
+    """Unstable roots without delay plus all that cross until the delays are full; None if not proven in bounded work.
 
     The crossings come from a search that asks neither roots nor counts. Where the first way of finding contradicts
     `expected` the others are asked as well; if they contradict each other the sweep cannot tell.
     """
     line = DelayLine.of(system, system.delays, np.zeros(system.delays.size), 1.0)
-    search = CrossingSearch(line)
+    order = 2 + min(line.matrices.n_states, line.matrices.n_channels)
+    search = CrossingSearch(line, Work(_SWEEP_WORK // order**2))
     poles, uncertain = line.matrices.undelayed_eigenvalues()
     if search.axis_roots or np.any(np.abs(poles.real) <= np.maximum(uncertain, 1e-9 * np.abs(poles))):
         return None

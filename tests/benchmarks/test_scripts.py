@@ -37,3 +37,11 @@ def test_tuning():
     for method in ("susp_ctrl.tune", "scipy differential evolution"):
         (row,) = [line for line in lines if line.strip().startswith(method)]
         assert re.search(r"[01]/1 .* ms .* x$", row), row
+
+
+@pytest.mark.end_to_end
+def test_hard_cases():
+    lines = lines_of("hard_cases.py", "--row", "smith", "--row", "large", "--states", "30")
+    rows = [line for line in lines if "stable" in line]
+    assert len(rows) == 9
+    assert all("stable True" in row for row in rows)

@@ -252,3 +252,17 @@ def test_random_verdicts(seed):
 @given(st.integers(2**31, 2**32 - 1))
 def test_many_random_verdicts(seed):
     check_verdict(seed)
+
+
+@pytest.mark.property
+def test_the_sweep_abstains_when_its_work_is_spent(monkeypatch):
+    """Work is bounded, and the verdict says so; with enough of it the sweep answers."""
+    A, delays, _ = random_loop(4)
+    loop = sc.DelayLTI.from_state_delays(A=A, delays=delays)
+    answered = sc.stability(loop)
+    assert answered.agreement["sweep"] == answered.unstable_roots
+    monkeypatch.setattr(verdict_module, "_SWEEP_WORK", 1)
+    abstained = sc.stability(loop)
+    assert abstained.agreement["sweep"] is None
+    assert "sweep cannot tell" in abstained.reason
+    assert abstained.unstable_roots == answered.unstable_roots

@@ -27,8 +27,8 @@ import numpy as np
 import scipy.linalg
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.crossings.delay_line import Coordinate, bordered
-from susp_ctrl.delay_systems.model import CharacteristicMatrix
+from susp_ctrl.delay_systems.crossings.delay_line import Coordinate, axis_matrix, axis_size
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, balancing
 
 # Below this (relative) Jacobian a crossing counts as degenerate: it is refined as such and its degree measured.
 _DEGENERATE = 1e-5
@@ -89,7 +89,8 @@ def _graded_eigenvalues(matrix: FloatArray) -> tuple[ComplexArray, float]:
     The digits of the small ones, which rounding of the large ones takes, are those of the largest eigenvalues of
     the inverse.
     """
-    balanced = np.asarray(scipy.linalg.matrix_balance(matrix, permute=False)[0], dtype=float)
+    units = balancing(matrix)
+    balanced = matrix / units[:, None] * units
     values: ComplexArray = scipy.linalg.eigvals(balanced, check_finite=False).astype(complex)
     scale = float(np.linalg.norm(balanced))
     if np.all(np.abs(values) > 1e-6 * scale):
@@ -223,7 +224,7 @@ def _edge_sign(
     one = np.ones_like(t)
     x = np.choose(side, [t, one, -t, -one])
     z = np.choose(side, [-one, t, one, -t])
-    return np.linalg.slogdet(bordered(loop, coordinate, omega + h * x, y + g * z)[0])[0]
+    return np.linalg.slogdet(axis_matrix(loop, coordinate, omega + h * x, y + g * z)[0])[0]
 
 
 def _newton(
@@ -237,15 +238,15 @@ def _newton(
         if active.size == 0:
             break
         w_scale = np.maximum(np.abs(omega[active]), 1e-300)
-        W, W_omega, W_y = bordered(loop, coordinate, omega[active], y[active])
+        W, W_omega, W_y = axis_matrix(loop, coordinate, omega[active], y[active])
         left, values, right = np.linalg.svd(W)
         u, v = left[:, :, -1].conj()[:, None, :], right[:, -1, :].conj()[:, :, None]
-        sigma, largest = values[:, -1], values[:, 0]
+        sigma = values[:, -1]
         by_omega, by_y = (u @ W_omega @ v)[:, 0, 0], (u @ W_y @ v)[:, 0, 0]
         a, b = by_omega * w_scale, by_y * y_scale
         natural = _norms(W_omega) * w_scale * _norms(W_y) * y_scale
         cross = (a.conj() * b).imag
-        residual = sigma / largest
+        residual = sigma / axis_size(loop, omega[active])
         better = residual < best[2][active]
         chosen = active[better]
         best[0][chosen], best[1][chosen] = omega[chosen], y[chosen]
@@ -272,7 +273,7 @@ def zero_slopes(
     """Return the derivatives, with respect to omega and y, of the singular value that vanishes at each zero."""
     if omega.size == 0:
         return np.zeros(0, dtype=complex), np.zeros(0, dtype=complex)
-    W, W_omega, W_y = bordered(loop, coordinate, omega, y)
+    W, W_omega, W_y = axis_matrix(loop, coordinate, omega, y)
     left, _, right = np.linalg.svd(W)
     u, v = left[:, :, -1].conj()[:, None, :], right[:, -1, :].conj()[:, :, None]
     return (u @ W_omega @ v)[:, 0, 0], (u @ W_y @ v)[:, 0, 0]
@@ -288,8 +289,8 @@ def _nullity(
     """Return the dimension of the null space of W at each point."""
     if omega.size == 0:
         return np.zeros(0, dtype=int)
-    values = np.linalg.svd(bordered(loop, coordinate, omega, y)[0], compute_uv=False)
-    return np.sum(values < 1e-8 * values[:, :1], axis=1)
+    values = np.linalg.svd(axis_matrix(loop, coordinate, omega, y)[0], compute_uv=False)
+    return np.sum(values < 1e-8 * axis_size(loop, omega)[:, None], axis=1)
 
 
 def _fold_point(
@@ -299,7 +300,7 @@ def _fold_point(
 
     Newton on W alone keeps half the digits at such a point; this system is regular there.
     """
-    W = bordered(loop, coordinate, np.array([omega]), np.array([y]))[0][0]
+    W = axis_matrix(loop, coordinate, np.array([omega]), np.array([y]))[0][0]
     left, _, right = np.linalg.svd(W)
     size = W.shape[0]
     frame = np.zeros((size + 1, size + 1), dtype=complex)
@@ -309,7 +310,7 @@ def _fold_point(
     unit[-1] = 1.0
 
     def scalar(x: FloatArray) -> tuple[complex, complex, complex]:
-        here, by_omega, by_y = (m[0] for m in bordered(loop, coordinate, x[:1] * w_scale, x[1:] * y_scale))
+        here, by_omega, by_y = (m[0] for m in axis_matrix(loop, coordinate, x[:1] * w_scale, x[1:] * y_scale))
         frame[:size, :size] = here
         column, row = np.linalg.solve(frame, unit), np.linalg.solve(frame.T, unit)
         slope = [-(row[:size] @ m @ column[:size]) for m in (by_omega * w_scale, by_y * y_scale)]
@@ -343,6 +344,6 @@ def _fold_point(
     if best is None:
         return None
     refined = best[0] * w_scale, best[1] * y_scale
-    values = np.linalg.svd(bordered(loop, coordinate, *np.array(refined))[0][0], compute_uv=False)
+    values = np.linalg.svd(axis_matrix(loop, coordinate, *np.array(refined))[0][0], compute_uv=False)
     # Two crossings closer than about 1e-6 (relative) are one touch; farther ones stay two crossings.
-    return refined if values[-1] < 1e-13 * values[0] else None
+    return refined if values[-1] < 1e-13 * axis_size(loop, np.array(refined[:1]))[0] else None

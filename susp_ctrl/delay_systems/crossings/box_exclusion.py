@@ -9,7 +9,9 @@ With a matrix G that is singular exactly at the roots on the axis,
 the box is free if the parallelogram of the linear part stays farther from zero than the quadratic part and the
 remainder r can reach. Linear and quadratic part are exact; r is bounded, entry by entry, from
 ``|e^{-jx} - 1 + jx - x^2/2 ...|`` and the expansion ``det(I + X) = 1 + e_1 + e_2 + ...`` with
-``e_3 + ... <= prod(1 + k_i) - 1 - sum k_i - sum k_i k_j``, k the row sums of |X|.
+``e_3 + ... <= prod(1 + k_i) - 1 - sum k_i - sum k_i k_j``, k the row sums of |X|. Near a root the inverse of G is
+nearly a dyad of large entries; a box that only the remainder keeps gets a second try in the singular basis of G,
+where that dyad is one entry.
 
 Two matrices serve. ``T = I - P(jw) (E - K)`` has the size of the number of channels; K is a constant feedback taken
 into the plant that keeps its poles off the axis. ``G = jwI - A - sum A_k e^{-j phi_k}`` has the size of the
@@ -26,6 +28,9 @@ from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.crossings.delay_line import Coordinate
 from susp_ctrl.delay_systems.crossings.small_gain import LocalPlant, off_axis
 from susp_ctrl.delay_systems.model import CharacteristicMatrix, inverses, scaled_row_sums
+
+# Boxes expanded at once: their matrices stay in the cache.
+_BATCH = 1024
 
 
 class _Phases(NamedTuple):
@@ -64,8 +69,9 @@ class BoxTest:
             self._A = loop.A
             # Channels that share all phases act through the product of their columns and rows.
             probe = coordinate.phases(np.array([0.7, 1.3, 2.9]), np.array([0.3, 1.1, 0.2])).T
-            _, self._first, group = np.unique(probe, axis=0, return_index=True, return_inverse=True)
-            members = np.eye(self._first.size)[:, group.ravel()]
+            _, first, group = np.unique(probe, axis=0, return_index=True, return_inverse=True)
+            members = np.eye(first.size)[:, group.ravel()]
+            self._coordinate = coordinate.of(first)
             self._parts = np.einsum("im,km,mj->kij", loop.B, members, loop.C)
             self._size = np.abs(self._parts)
             self._rate = float(np.linalg.norm(loop.A, 2) + np.linalg.norm(self._parts, 2, axis=(1, 2)).sum())
@@ -76,13 +82,24 @@ class BoxTest:
         self, c: FloatArray, h: FloatArray, y: FloatArray, g: FloatArray
     ) -> tuple[np.ndarray, FloatArray, np.ndarray]:
         """Return which boxes may hold a root, how wide each is, and which vary more along omega than along y."""
+        parts = [self._tested(*(x[i : i + _BATCH] for x in (c, h, y, g))) for i in range(0, c.size, _BATCH)]
+        maybe, width, along_omega = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return maybe, width, along_omega
+
+    def _tested(
+        self, c: FloatArray, h: FloatArray, y: FloatArray, g: FloatArray
+    ) -> tuple[np.ndarray, FloatArray, np.ndarray]:
         phases = _phases(self._coordinate, c, h, y, g)
         with np.errstate(all="ignore"):
             if self._by_state:
                 expansion, rho = self._state_form(phases, c, h)
             else:
                 expansion, rho = self._channel_form(phases, c, h)
-            free, along_omega = _free(expansion, h, g)
+            free, along_omega, by_remainder = _free(expansion, h, g)
+            again = np.flatnonzero(by_remainder)
+            if again.size and expansion.G.shape[-1] > 1:
+                basis = _in_singular_basis(expansion, again)
+                free[again] = _free(basis, h[again], g[again])[0]
         return ~free, np.maximum(phases.width_omega + h * rho, phases.width_y), along_omega
 
     def _channel_form(self, p: _Phases, c: FloatArray, h: FloatArray) -> tuple[_Expansion, FloatArray]:
@@ -111,7 +128,7 @@ class BoxTest:
 
     def _state_form(self, p: _Phases, c: FloatArray, h: FloatArray) -> tuple[_Expansion, FloatArray]:
         """Expand ``G = jwI - A - sum A_k E_k``."""
-        E, f, z, mixed, third = (part[:, self._first] for part in (p.E, p.by_omega, p.by_y, p.mixed, p.third))
+        E, f, z, mixed, third = p.E, p.by_omega, p.by_y, p.mixed, p.third
         one = np.eye(self._A.shape[0])
 
         def combined(weights: np.ndarray, parts: FloatArray) -> ComplexArray:
@@ -146,8 +163,29 @@ def _phases(coordinate: Coordinate, c: FloatArray, h: FloatArray, y: FloatArray,
     )  # fmt: skip
 
 
-def _free(x: _Expansion, h: FloatArray, g: FloatArray) -> tuple[np.ndarray, np.ndarray]:
-    """Tell which boxes are proven to hold no root, and which vary more along omega."""
+def _in_singular_basis(x: _Expansion, chosen: np.ndarray) -> _Expansion:
+    """Multiply by the singular vectors of G from both sides, which moves no root; bounds by their moduli."""
+    G = x.G[chosen]
+    left, _, right = np.linalg.svd(np.where(np.isfinite(G).all(axis=(1, 2), keepdims=True), G, 0.0))
+    left, right = np.conj(np.swapaxes(left, 1, 2)), np.conj(np.swapaxes(right, 1, 2))
+
+    def turned(part: ComplexArray) -> ComplexArray:
+        return np.asarray(left @ part[chosen] @ right)
+
+    rest = np.abs(left) @ x.rest[chosen] @ np.abs(right)
+    return _Expansion(
+        turned(x.G),
+        turned(x.omega),
+        turned(x.y),
+        turned(x.omega_omega),
+        turned(x.omega_y),
+        turned(x.y_y),
+        rest,
+    )
+
+
+def _free(x: _Expansion, h: FloatArray, g: FloatArray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Tell which boxes hold no root, which vary more along omega, and which only the remainder keeps."""
     inverse = inverses(x.G)
     size = np.abs(inverse)
     h3, g3 = h[:, None, None], g[:, None, None]
@@ -172,7 +210,7 @@ def _free(x: _Expansion, h: FloatArray, g: FloatArray) -> tuple[np.ndarray, np.n
     gap = np.fmax(1.0 - np.abs(a) - np.abs(b), np.fmax(_beyond(a, b), _beyond(b, a)))
     free = (gap > remainder + 1e-13) | (k.max(axis=1, initial=0.0) < 1.0 - 1e-13)
     along_omega = _square(by_omega) > _square(by_y)
-    return free, along_omega
+    return free, along_omega, ~free & (gap > quadratic + 1e-13)
 
 
 def _square(matrices: ComplexArray) -> FloatArray:

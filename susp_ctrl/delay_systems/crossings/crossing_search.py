@@ -63,6 +63,8 @@ class CrossingSearch:
     ----------
     line : DelayLine
         The loop and its delays.
+    work : Work, optional
+        What all ways together may spend.
 
     Attributes
     ----------
@@ -72,8 +74,8 @@ class CrossingSearch:
         What all ways together may still spend.
     """
 
-    def __init__(self, line: DelayLine) -> None:
-        self.line, self.axis_roots, self.work = line, roots_always_on_axis(line), Work()
+    def __init__(self, line: DelayLine, work: Work | None = None) -> None:
+        self.line, self.axis_roots, self.work = line, roots_always_on_axis(line), work or Work()
 
     @cached_property
     def bands(self) -> Bands:

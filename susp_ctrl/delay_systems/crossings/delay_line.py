@@ -36,6 +36,8 @@ from susp_ctrl.delay_systems.model import (
 )
 
 _LARGEST_MULTIPLE = 12
+# Share of a line at which its delays are looked at: no ratio of small numbers.
+_GENERIC = 0.6180339887498949
 # Relative changes of the data that make the characteristic matrix singular: at s = 0, and at a pole on the axis,
 # which is known to some digits less.
 _SINGULAR = 1e-13
@@ -44,6 +46,9 @@ _STAYS = 1e-11
 
 class Coordinate(Protocol):
     """Phases of the delayed signals as functions of frequency and of y."""
+
+    def of(self, signals: np.ndarray) -> Coordinate:
+        """Return the coordinate of some of the signals."""
 
     def phases(self, omega: FloatArray, y: FloatArray) -> FloatArray:
         """Return phi_k, shape (points, channels)."""
@@ -61,6 +66,10 @@ class DelayCoordinate:
 
     start: FloatArray
     direction: FloatArray
+
+    def of(self, signals: np.ndarray) -> DelayCoordinate:
+        """Return the coordinate of some of the signals."""
+        return DelayCoordinate(self.start[signals], self.direction[signals])
 
     def phases(self, omega: FloatArray, y: FloatArray) -> FloatArray:
         """Return omega (start + direction y)."""
@@ -81,6 +90,10 @@ class AngleCoordinate:
 
     start: FloatArray
     multiples: FloatArray
+
+    def of(self, signals: np.ndarray) -> AngleCoordinate:
+        """Return the coordinate of some of the signals."""
+        return AngleCoordinate(self.start[signals], self.multiples[signals])
 
     def phases(self, omega: FloatArray, y: FloatArray) -> FloatArray:
         """Return omega start + multiples y."""
@@ -118,11 +131,12 @@ class DelayLine:
         """Fold the loop along a line: channels that never have a delay are closed, those outside the loop dropped."""
         per_channel = np.repeat(start, sys.widths), np.repeat(direction, sys.widths)
         delayed = (per_channel[0] != 0.0) | (per_channel[1] != 0.0)
-        # fold() closes channels of delay zero; the others carry their own number as a marker.
-        markers = np.where(delayed, 1.0 + np.arange(delayed.size), 0.0)
-        matrices = CharacteristicMatrix.of(fold(sys.realization, sys.channel_gains, markers))
-        position = np.rint(matrices.delays).astype(int) - 1
-        matrices, s, d = _merged(matrices, per_channel[0][position], per_channel[1][position])
+        # fold() closes channels of delay zero; what holds at this place on the line holds everywhere, except by chance
+        place = np.where(delayed, per_channel[0] + _GENERIC * up_to * per_channel[1], 0.0)
+        matrices = CharacteristicMatrix.of(fold(sys.realization, sys.channel_gains, place))
+        owner = np.array([np.flatnonzero(place == delay)[0] for delay in matrices.delays], dtype=int)
+        s, d = per_channel[0][owner], per_channel[1][owner]
+        matrices = replace(matrices, delays=s)
         step, multiples = _commensurate(d)
         return cls(matrices, s, d, up_to, step, multiples, _offset(s, d) if step is not None else None)
 
@@ -198,6 +212,29 @@ def bordered(
     return W, W_omega, W_y
 
 
+def axis_matrix(
+    loop: CharacteristicMatrix, coordinate: Coordinate, omega: FloatArray, y: FloatArray
+) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return a matrix with the determinant of W, and its derivatives: where it can, the Schur complement of order n.
+
+    Without direct paths that is ``jwI - A - B E C``.
+    """
+    if np.any(loop.D):
+        return bordered(loop, coordinate, omega, y)
+    omega, y = np.atleast_1d(omega), np.atleast_1d(y)
+    into = loop.B * np.exp(-1j * coordinate.phases(omega, y))[:, None, :]
+    by_omega, by_y = (1j * into * slope[:, None, :] @ loop.C for slope in coordinate.slopes(omega, y))
+    identity = 1j * np.eye(loop.n_states)
+    return omega[:, None, None] * identity - loop.A - into @ loop.C, identity + by_omega, by_y
+
+
+def axis_size(loop: CharacteristicMatrix, omega: FloatArray) -> FloatArray:
+    """Return the size of the terms that `axis_matrix` is summed from: all of it can vanish at a multiple root."""
+    through = float(np.linalg.norm(loop.B) * np.linalg.norm(loop.C))
+    bordering = 1.0 + float(np.linalg.norm(loop.D)) if np.any(loop.D) else 0.0
+    return np.abs(omega) + float(np.linalg.norm(loop.A)) + through + bordering
+
+
 def roots_always_on_axis(line: DelayLine) -> tuple[float, ...]:
     """Return the frequencies >= 0 of roots on the axis that no delay moves."""
     loop = line.matrices
@@ -216,25 +253,6 @@ def roots_always_on_axis(line: DelayLine) -> tuple[float, ...]:
         if np.all(distance_to_singular(W) <= _STAYS):
             found.append(float(omega))
     return tuple(found)
-
-
-def _merged(
-    loop: CharacteristicMatrix, start: FloatArray, direction: FloatArray
-) -> tuple[CharacteristicMatrix, FloatArray, FloatArray]:
-    """Where more channels than states share one delay, let as many channels as states stand for them."""
-    kinds, group = np.unique(np.column_stack([start, direction]), axis=0, return_inverse=True)
-    shared = [np.flatnonzero(group.ravel() == k) for k in range(len(kinds))]
-    if np.any(loop.D) or all(own.size <= loop.n_states for own in shared):
-        return replace(loop, delays=start), start, direction
-    B, C, owner = [], [], []
-    for k, own in enumerate(shared):
-        wide = own.size > loop.n_states
-        B.append(loop.B[:, own] @ loop.C[own] if wide else loop.B[:, own])
-        C.append(np.eye(loop.n_states) if wide else loop.C[own])
-        owner += [k] * C[-1].shape[0]
-    start, direction = kinds[owner].T
-    D = np.zeros((len(owner), len(owner)))
-    return CharacteristicMatrix(loop.A, np.hstack(B), np.vstack(C), D, start), start, direction
 
 
 def _commensurate(direction: FloatArray) -> tuple[float | None, FloatArray | None]:

@@ -18,9 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model import CharacteristicMatrix, closed, inverses, perron_bound
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, Modes, closed, inverses, perron_bound
 
 _INTERVAL_BUDGET = 200_000
+# What the modes may leave out, relative to the distance from a pole.
+_SMALL_DEFECT = 1e-7
 
 
 class Bands(NamedTuple):
@@ -42,7 +44,29 @@ class LocalPlant(NamedTuple):
 
     @classmethod
     def sample(cls, loop: CharacteristicMatrix, omega: FloatArray) -> LocalPlant:
-        """Evaluate P and its bounds at many frequencies."""
+        """Evaluate P and its bounds at many frequencies, in the modes of the loop where it has them."""
+        if loop.modes is not None:
+            return cls._sample_modes(loop, loop.modes, omega)
+        return cls._sample_matrix(loop, omega)
+
+    @classmethod
+    def _sample_modes(cls, loop: CharacteristicMatrix, modes: Modes, omega: FloatArray) -> LocalPlant:
+        resolvent = 1.0 / (1j * omega[:, None] - modes.poles)
+        powers = [(resolvent**k @ modes.residues.reshape(modes.poles.size, -1)) for k in (1, 2, 3)]
+        P, slope, bend = (power.reshape(-1, *loop.D.shape) for power in powers)
+        left = np.linalg.norm(resolvent[:, None, :] * modes.out, axis=2)
+        right = np.linalg.norm(resolvent[:, :, None] * modes.into, axis=1)
+        rho = np.abs(resolvent).max(axis=1)
+        local = cls(P + loop.D, -1j * slope, -bend, left, right, rho)
+        # beside a pole the defect of the modes counts
+        vague = np.flatnonzero(~(rho * np.linalg.norm(modes.defect) < _SMALL_DEFECT))
+        if vague.size:
+            for part, exact in zip(local, cls._sample_matrix(loop, omega[vague]), strict=True):
+                part[vague] = exact
+        return local
+
+    @classmethod
+    def _sample_matrix(cls, loop: CharacteristicMatrix, omega: FloatArray) -> LocalPlant:
         with np.errstate(all="ignore"):
             resolvent = inverses(1j * omega[:, None, None] * np.eye(loop.n_states) - loop.A)
             CR, RB = loop.C @ resolvent, resolvent @ loop.B

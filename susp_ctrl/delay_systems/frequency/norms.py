@@ -18,8 +18,8 @@ from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.frequency.adaptive_quadrature import integrate
 from susp_ctrl.delay_systems.frequency.high_frequency import leading_terms, squared_tail
 from susp_ctrl.delay_systems.frequency.response_bounds import local_response, tail_bound
-from susp_ctrl.delay_systems.model import DelaySystem, FoldedLoop, around_resonances
-from susp_ctrl.delay_systems.roots import characteristic_roots
+from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem, FoldedLoop, around_resonances
+from susp_ctrl.delay_systems.roots import probable_roots
 from susp_ctrl.delay_systems.verdict import stability
 from susp_ctrl.errors import InputError, UnstableSystemError
 
@@ -164,8 +164,8 @@ def h2_norm(sys: Any, tolerance: float = 1e-9) -> float:
     def power(omega: FloatArray) -> FloatArray:
         return np.asarray((np.abs(system(1j * omega, squeeze=False)) ** 2).sum(axis=(0, 1)))
 
-    edge = 30.0 * _frequency_scale(loop)
-    body = float(_integral(power, 0.0, edge, relative, _knots(system, edge)))
+    edge, knots = 30.0 * _frequency_scale(loop), _knots(system)
+    body = float(_integral(power, 0.0, edge, relative, knots))
     previous = np.inf
     for _ in range(12):
         # what the closed form leaves out falls with the third power of the edge, by 8 at every doubling
@@ -173,7 +173,7 @@ def h2_norm(sys: Any, tolerance: float = 1e-9) -> float:
         if abs(total - previous) <= 5.0 * relative * total:
             break
         previous = total
-        body += float(_integral(power, edge, 2.0 * edge, relative, _knots(system, 2.0 * edge), scale=body))
+        body += float(_integral(power, edge, 2.0 * edge, relative, knots, scale=body))
         edge *= 2.0
     return float(np.sqrt(total / np.pi))
 
@@ -230,7 +230,10 @@ def output_rms(
             )
         densities = {0: psd}
     else:
-        densities = {validation.signal_index("psd", name, system.input_labels): f for name, f in psd.items()}
+        densities = {
+            validation.signal_index("psd", name, system.input_labels): f
+            for name, f in validation.mapping("psd", psd).items()
+        }
 
     def power(omega: FloatArray) -> FloatArray:
         gains = np.abs(system(1j * omega, squeeze=False)) ** 2
@@ -243,7 +246,7 @@ def output_rms(
         return total
 
     low, high = float(limits[0]), float(limits[1])
-    knots = np.concatenate([_knots(system, high), np.geomspace(low, high, 20)[1:-1] if low > 0.0 else []])
+    knots = np.concatenate([_knots(system), np.geomspace(low, high, 20)[1:-1] if low > 0.0 else []])
     return np.sqrt(_integral(power, low, high, relative, knots))
 
 
@@ -272,12 +275,12 @@ def _proven_stable(sys: Any, what: str) -> DelaySystem:
     return system
 
 
-def _knots(system: DelaySystem, highest: float) -> FloatArray:
+def _knots(system: DelaySystem) -> FloatArray:
     """Where the integrand has its peaks: quadrature must not step over them."""
-    roots = characteristic_roots(system, 12)
+    roots = probable_roots(CharacteristicMatrix.of(system.folded), 12)
     upper = roots[roots.imag >= 0.0]
     points = around_resonances(upper, np.array([-30.0, -10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0, 30.0]))
-    return np.unique(points[(points > 0.0) & (points < highest)])
+    return np.unique(points[points > 0.0])
 
 
 def _frequency_scale(loop: FoldedLoop) -> float:

@@ -19,10 +19,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model import FoldedLoop, direct_paths, inverses
+from susp_ctrl.delay_systems.model import FoldedLoop, balancing, direct_paths, inverses
 
 
 class LocalResponse(NamedTuple):
@@ -143,12 +142,7 @@ def tail_bound(loop: FoldedLoop) -> TailBound:
 
 def state_scale(A: FloatArray, B: FloatArray, C: FloatArray) -> FloatArray:
     """Units of the states in which the loop's matrix has even magnitudes."""
-    if A.shape[0] == 0:
-        return np.ones(0)
-    _, (scale, _) = scipy.linalg.matrix_balance(
-        np.abs(A) + np.abs(B) @ np.abs(C), permute=False, separate=True
-    )
-    return np.asarray(scale)
+    return balancing(np.abs(A) + np.abs(B) @ np.abs(C))
 
 
 class HighFrequencySeries(NamedTuple):

@@ -25,7 +25,7 @@ import scipy.linalg
 from numpy.polynomial import legendre
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model import Realization
+from susp_ctrl.delay_systems.model import Realization, balancing
 
 # Eigenvector matrices worse conditioned than this lose too many digits; the Schur form takes their place.
 _EIGENVECTOR_CONDITION = 1e5
@@ -123,10 +123,8 @@ class PlantCoordinates:
 
     def __init__(self, plant: Realization) -> None:
         n = plant.n_states
-        balanced: FloatArray = plant.A
-        scale: FloatArray = np.ones(n)
-        if n:
-            balanced, (scale, _) = scipy.linalg.matrix_balance(plant.A, permute=False, separate=True)  # type: ignore[assignment]
+        scale = balancing(plant.A)
+        balanced = plant.A / scale[:, None] * scale
         values, vectors = np.linalg.eig(balanced) if n else (np.zeros(0), np.zeros((0, 0)))
         self.diagonal = n == 0 or np.linalg.cond(vectors) < _EIGENVECTOR_CONDITION
         if self.diagonal:

@@ -11,10 +11,9 @@ import heapq
 from collections.abc import Iterable
 
 import numpy as np
-import scipy.linalg
 
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.delay_systems.model import Realization, sample_plant
+from susp_ctrl.delay_systems.model import Realization, balancing, sample_plant
 
 # Many incommensurate delays combine to very many kinks, each of them weak: the cells' error control sees to the rest.
 _MOST_KINKS = 3000
@@ -62,7 +61,8 @@ def propagated_kinks(
     weight = np.abs(sample_plant(plant, np.array([1j * omega])).p22[0])
     weight = np.where(np.isfinite(weight), weight, 1.0)
     # units of the channels do not matter: the weights are compared in balanced units
-    weight = np.abs(scipy.linalg.matrix_balance(weight, permute=False)[0])
+    units = balancing(weight)
+    weight = weight / units[:, None] * units
     heap: list[tuple[float, int]] = [(t, -1) for t in start_times]
     heapq.heapify(heap)
     weights_of: dict[int, FloatArray] = {-1: np.ones(K)}

@@ -12,6 +12,7 @@ polished on the exact equation, and every cell joins its points.
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import elementwise
 
 from susp_ctrl.arrays import ComplexArray, FloatArray, numbered
 from susp_ctrl.delay_systems.crossings import small_gain_bands
@@ -20,6 +21,8 @@ from susp_ctrl.delay_systems.maps.segments import Segments
 from susp_ctrl.delay_systems.model import CharacteristicMatrix
 
 _ANGLES = 192
+# The first look is at every third frequency and angle.
+_COARSE = 3
 # Largest distance of a chord from the curve, relative to the ranges, and rounds of halving to get there.
 _CHORD = 2e-5
 _ROUNDS = 6
@@ -33,7 +36,8 @@ class _Blocks:
 
     def eigenvalues(self, omega: FloatArray, theta: FloatArray) -> ComplexArray:
         """Return the mu_i, shape (points, width of the second block)."""
-        P = self.loop.response(omega)
+        frequencies, index = np.unique(omega, return_inverse=True)
+        P = self.loop.response(frequencies)[index]
         phase = np.where(self.owner == 0, theta[:, None], omega[:, None] * self.delays * (self.owner < 0))
         PE = P * np.exp(-1j * phase)[:, None, :]
         second = self.owner == 1
@@ -63,11 +67,9 @@ def trace_blocks(
     blocks = _Blocks(loop, owner, delays)
     omega = _frequencies(bands.centre, bands.half, max(x.high, y.high), fineness)
     theta = np.linspace(0.0, 2.0 * np.pi, _ANGLES * fineness + 1)
-    W, T = np.meshgrid(omega, theta[:-1] + 1e-7, indexing="ij")
-    level = blocks.level(W.ravel(), T.ravel()).reshape(W.shape)
-    level = np.hstack([level, level[:, :1]])
-    W, T = np.hstack([W, W[:, :1]]), np.hstack([T, T[:, :1] + 2.0 * np.pi])
-    positive = level > 0.0
+    W, T = np.meshgrid(omega, theta + 1e-7, indexing="ij")
+    positive = _signs(blocks, W, T)
+    positive[:, -1] = positive[:, 0]
     along_omega = np.argwhere(positive[1:] != positive[:-1])
     along_theta = np.argwhere(positive[:, 1:] != positive[:, :-1])
     first = _edge_points(blocks, W, T, along_omega, np.array([1, 0]))
@@ -81,6 +83,36 @@ def trace_blocks(
         [number_omega[:, :-1], number_theta[1:], number_omega[:, 1:], number_theta[:-1]], axis=-1
     )
     return _unrolled(blocks, points, _joined(edges, points), x, y)
+
+
+def _signs(blocks: _Blocks, W: FloatArray, T: FloatArray) -> np.ndarray:
+    """Tell where the level is positive: first on a coarse grid, then in the cells that a curve may enter.
+
+    In those some ``log |mu_i|`` at a corner is no larger than twice what it changes by from corner to corner. The
+    other cells have the sign of their corners.
+    """
+    rows, columns = (np.unique(np.append(np.arange(0, size, _COARSE), size - 1)) for size in W.shape)
+    coarse = np.ix_(rows, columns)
+    mu = blocks.eigenvalues(W[coarse].ravel(), T[coarse].ravel()).reshape(rows.size, columns.size, -1)
+    with np.errstate(divide="ignore"):
+        sizes = np.sort(np.log(np.abs(mu)), axis=2)
+    corners = [sizes[i : i + rows.size - 1, j : j + columns.size - 1] for i in (0, 1) for j in (0, 1)]
+    with np.errstate(invalid="ignore"):
+        change = np.max(corners, axis=0) - np.min(corners, axis=0)
+        near = np.any(~(np.min(np.abs(corners), axis=0) > 2.0 * change), axis=2)
+    (r0, r1), (c0, c1) = _cells_beside(rows, W.shape[0]), _cells_beside(columns, W.shape[1])
+    asked = np.any([near[np.ix_(r, c)] for r in (r0, r1) for c in (c0, c1)], axis=0)
+    outside = np.sum(sizes > 0.0, axis=2) % 2 == 0
+    positive = outside[np.ix_(r1, c1)]
+    positive[asked] = blocks.level(W[asked], T[asked]) > 0.0
+    return positive
+
+
+def _cells_beside(edges: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cells before and after every line of the fine grid; the same for a line inside a cell."""
+    lines = np.arange(size)
+    before, after = (np.searchsorted(edges, lines, side) - 1 for side in ("left", "right"))
+    return np.clip(before, 0, edges.size - 2), np.clip(after, 0, edges.size - 2)
 
 
 def _joined(edges: np.ndarray, points: FloatArray) -> np.ndarray:
@@ -124,18 +156,21 @@ def _frequencies(centre: FloatArray, half: FloatArray, longest: float, fineness:
 def _edge_points(
     blocks: _Blocks, W: FloatArray, T: FloatArray, edges: np.ndarray, step: np.ndarray
 ) -> FloatArray:
-    """Bisect along each edge on the level; return omega, theta1, theta2 of the eigenvalue nearest to the circle."""
+    """Find the zero of the level along each edge; return omega, theta1, theta2 of the nearest eigenvalue."""
     if len(edges) == 0:
         return np.zeros((0, 3))
     a, b = tuple(edges.T), tuple((edges + step).T)
     low = np.column_stack([W[a], T[a]])
     high = np.column_stack([W[b], T[b]])
-    sign = blocks.level(*low.T) > 0.0
-    for _ in range(34):
-        middle = 0.5 * (low + high)
-        same = (blocks.level(*middle.T) > 0.0) == sign
-        low, high = np.where(same[:, None], middle, low), np.where(same[:, None], high, middle)
-    point = 0.5 * (low + high)
+
+    def along(share: FloatArray, *ends: FloatArray) -> FloatArray:
+        w0, t0, w1, t1 = (end.ravel() for end in ends)
+        s = share.ravel()
+        return blocks.level(w0 + s * (w1 - w0), t0 + s * (t1 - t0)).reshape(share.shape)
+
+    bracket = np.zeros(len(low)), np.ones(len(low))
+    place = elementwise.find_root(along, bracket, args=(*low.T, *high.T), tolerances={"xatol": 1e-10}).x
+    point = low + place[:, None] * (high - low)
     mu = blocks.eigenvalues(*point.T)
     nearest = np.argmin(np.abs(np.log(np.abs(mu))), axis=1)
     return np.column_stack([point, np.angle(mu[np.arange(len(mu)), nearest])])

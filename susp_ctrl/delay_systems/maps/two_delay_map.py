@@ -21,6 +21,7 @@ References
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -89,10 +90,12 @@ def stability_map(
     on a grid of frequency and angle and polished.
     """
     system = DelaySystem.of(sys, "sys")
-    x, y = _axes(system, tau1, gain1, tau2, gain2, channels)
+    most = system.delays.size - 1
     numbers = [
-        validation.integer("channels", c, at_least=0, at_most=system.delays.size - 1) for c in channels
+        validation.integer(f"channels[{k}]", c, at_least=0, at_most=most)
+        for k, c in enumerate(validation.sequence("channels", channels))
     ]
+    x, y = _axes(system, tau1, gain1, tau2, gain2, numbers)
     problem = _Problem(system, numbers, x, y)
     low, high = np.array([x.low, y.low]), np.array([x.high, y.high])
     raster = Raster(low, high)
@@ -136,7 +139,7 @@ def _changes(
 
 
 def _axes(
-    system: DelaySystem, tau1: Any, gain1: Any, tau2: Any, gain2: Any, channels: tuple[int, int]
+    system: DelaySystem, tau1: Any, gain1: Any, tau2: Any, gain2: Any, channels: Sequence[int]
 ) -> tuple[Axis, Axis]:
     given = {"tau1": tau1, "gain1": gain1, "tau2": tau2, "gain2": gain2}
     if gain1 is None and gain2 is None:

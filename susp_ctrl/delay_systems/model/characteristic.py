@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -25,14 +25,38 @@ from numpy.typing import NDArray
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths
 from susp_ctrl.delay_systems.model.lft import Realization, closed, return_solve, sample_plant
+from susp_ctrl.delay_systems.model.loop_signals import shared_lines, signals_in_a_chain, signals_in_a_loop
 from susp_ctrl.delay_systems.model.perron import certified_radius
-from susp_ctrl.delay_systems.model.rounding import eigenvalues_with_uncertainty
+from susp_ctrl.delay_systems.model.rounding import balancing, eigenvalues_with_uncertainty, rounding_of_sums
 from susp_ctrl.errors import InputError
 
 Points = NDArray[np.complexfloating[Any, Any]]
 
 # e^{-s tau} beyond this has no digits left beside the other terms, and squares of it overflow.
 _LARGEST_EXPONENT = 300.0
+
+
+# From so many states on, so many for each delayed signal, the modes of A are worth their computation.
+_MANY_STATES, _FEW_SIGNALS = 24, 8
+
+
+class Modes(NamedTuple):
+    r"""``A V = V L``: poles, ``V^-1 B`` and ``C V``, sizes of their terms, and the defect of the computed V.
+
+    ``A = V (L + R) V^-1`` exactly, :math:`|R|` and the effect of a rounding of every entry of A being below `defect`.
+    """
+
+    poles: Points
+    into: Points
+    out: Points
+    into_terms: FloatArray
+    out_terms: FloatArray
+    defect: FloatArray
+
+    @property
+    def residues(self) -> Points:
+        """``c_i b_i^T`` of every pole, shape (poles, channels, channels)."""
+        return self.out.T[:, :, None] * self.into[:, None, :]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,18 +76,21 @@ class CharacteristicMatrix:
     def of(cls, loop: FoldedLoop) -> CharacteristicMatrix:
         """Take K(s) from a folded loop: everything scaled to even magnitudes, signals that lead nowhere dropped.
 
-        A delayed signal that no path leads back to is in no loop and moves no root.
+        A delayed signal that no path leads back to is in no loop and moves no root; signals of one delay that are
+        multiples of each other, or act as such, are one (`susp_ctrl.delay_systems.model.loop_signals`).
         """
         plant, tau = loop
         n = plant.n_states
+        if n == 0:
+            return cls(plant.A, plant.B2[:, :0], plant.C2[:0], plant.D22[:0, :0], tau[:0])
         whole = np.block([[plant.A, plant.B2], [plant.C2, plant.D22]])
-        kept = np.append(np.arange(n), n + _in_a_loop(whole, n)) if n else np.zeros(0, dtype=int)
-        whole = whole[np.ix_(kept, kept)]
-        if n:
-            # all channels closed with weight one: pattern and size of the whole loop decide the scaling
-            _, (scale, _) = scipy.linalg.matrix_balance(whole, permute=False, separate=True)
-            whole = whole / scale[:, None] * scale
-        return cls(whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:], tau[kept[n:] - n])
+        whole, tau = _only(signals_in_a_chain(whole, n), whole, n, tau)
+        whole, tau = shared_lines(whole, n, tau)
+        # all channels closed with weight one: pattern and size of the whole loop decide the scaling
+        scale = balancing(whole)
+        whole = whole / scale[:, None] * scale
+        whole, tau = _only(signals_in_a_loop(whole, n, tau), whole, n, tau)
+        return cls(whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:], tau)
 
     @property
     def n_states(self) -> int:
@@ -141,6 +168,44 @@ class CharacteristicMatrix:
         return np.abs(self.A), np.abs(self.B) @ Q, Q @ np.abs(self.C)
 
     @cached_property
+    def modes(self) -> Modes | None:
+        """The modes of A where there are many states and few signals; None otherwise, or if they are no basis."""
+        if self.n_states < max(_MANY_STATES, _FEW_SIGNALS * self.n_channels):
+            return None
+        poles, V = np.linalg.eig(self.A)
+        try:
+            inverse = np.linalg.inv(V)
+        except np.linalg.LinAlgError:
+            return None
+        terms = np.abs(self.A) @ np.abs(V) + np.abs(V) * np.abs(poles)
+        defect = np.abs(inverse @ (self.A @ V - V * poles)) + rounding_of_sums(1) * np.abs(inverse) @ terms
+        if not np.all(np.isfinite(defect)):
+            return None
+        into_terms, out_terms = np.abs(inverse) @ np.abs(self.B), np.abs(self.C) @ np.abs(V)
+        return Modes(
+            poles.astype(complex),
+            (inverse @ self.B).astype(complex),
+            self.C @ V,
+            into_terms,
+            out_terms,
+            defect,
+        )
+
+    def second_order(self, turn: FloatArray) -> FloatArray:
+        r"""Bound what K changes beyond the first order where each phase turns by up to `turn`, entry by entry.
+
+        A chain of delayed signals turns by the sum of theirs, and :math:`|e^{-jx} - 1 + jx| \le x^2/2`: half the
+        square of each, and the product of every two that follow each other.
+        """
+        _, into, out = self.absolute_parts
+        turned = into * turn[:, None, :]
+        rest = (0.5 * turned * turn[:, None, :]) @ out
+        if np.any(self.D):
+            between = direct_paths(self.D) - np.eye(self.n_channels)
+            rest = rest + (turned @ between * turn[:, None, :]) @ out
+        return rest
+
+    @cached_property
     def right_reach(self) -> float:
         r"""Modulus beyond which no root with non-negative real part lies; a fast stable pole does not raise it.
 
@@ -159,7 +224,7 @@ class CharacteristicMatrix:
         # to a tenth; the bound is monotone in the radius
         while beyond > 1.1 * within and beyond > 1e-12 * largest:
             radius = np.sqrt(beyond * within) if within > 0.0 else 0.03 * beyond
-            distance = _distance_to_far_right(poles, radius)
+            distance = distance_to_far_right(poles, radius)
             clear = bool(np.all(distance > 0.0))
             if clear:
                 passed = np.linalg.solve(np.diag(distance) - off, into)
@@ -185,7 +250,7 @@ class CharacteristicMatrix:
         return min(certified_radius(given), certified_radius(in_schur_basis))
 
 
-def _distance_to_far_right(poles: Points, radius: float) -> FloatArray:
+def distance_to_far_right(poles: Points, radius: float) -> FloatArray:
     """Distance from each pole to the points s with Re s >= 0 and |s| >= radius."""
     height = np.abs(poles.imag)
     # from the left the nearest point lies on the axis, from inside the half disc on its arc
@@ -195,11 +260,7 @@ def _distance_to_far_right(poles: Points, radius: float) -> FloatArray:
     return np.where(poles.real <= 0.0, beside, inside)
 
 
-def _in_a_loop(connections: FloatArray, states: int) -> np.ndarray:
-    """Return the delayed signals that a chain of non-zero entries of ``[[A, B], [C, D]]`` leads back to."""
-    reach = connections != 0.0
-    size = 1
-    while size < reach.shape[0]:
-        reach = reach | (reach.astype(np.float32) @ reach.astype(np.float32) > 0.0)
-        size *= 2
-    return np.flatnonzero(np.diag(reach)[states:])
+def _only(signals: np.ndarray, whole: FloatArray, n: int, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Keep some of the delayed signals of ``[[A, B], [C, D]]``."""
+    kept = np.append(np.arange(n), n + signals)
+    return whole[np.ix_(kept, kept)], tau[signals]

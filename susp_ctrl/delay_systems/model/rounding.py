@@ -29,9 +29,16 @@ _ROUNDINGS = 64.0
 
 def balancing(matrix: FloatArray) -> FloatArray:
     """Return powers of two d for which rows and columns of ``diag(d)^-1 M diag(d)`` are even in size."""
+    if matrix.shape[0] == 0:
+        return np.ones(0)
     with np.errstate(invalid="ignore"):  # scipy casts the factors to whole numbers as well, and forgets them
         _, (scale, _) = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
     return np.asarray(scale)
+
+
+def rounding_of_sums(terms: int) -> float:
+    """Relative rounding error of what is summed from entries that are themselves known to some roundings."""
+    return _ROUNDINGS * terms * _EPSILON
 
 
 def eigenvalues_with_uncertainty(
@@ -57,7 +64,7 @@ def eigenvalues_with_uncertainty(
     values, left, right = decomposed
     overlap = np.abs(np.sum(left.conj() * right, axis=0))
     reach = np.sum(np.abs(left) * ((np.abs(matrix) if terms is None else terms) @ np.abs(right)), axis=0)
-    relative = _ROUNDINGS * n * _EPSILON
+    relative = rounding_of_sums(n)
     with np.errstate(all="ignore"):
         uncertain = relative * reach / overlap
     # Where m eigenvalues come together the overlap vanishes, and they move by the m-th root of the change.

@@ -33,7 +33,7 @@ from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model import arithmetic
 from susp_ctrl.delay_systems.model.folding import FoldedLoop, fold
 from susp_ctrl.delay_systems.model.lft import Realization, loop_response
-from susp_ctrl.delay_systems.model.neutral_loops import refuse_neutral
+from susp_ctrl.delay_systems.model.loop_signals import refuse_neutral
 from susp_ctrl.delay_systems.model.realizations import (
     checked_state_delays,
     is_number_like,

@@ -13,6 +13,7 @@ from susp_ctrl.delay_systems.roots.rightmost import (
     RootSet,
     characteristic_roots,
     is_complete,
+    probable_roots,
     reach_near_axis,
     rightmost_roots,
     roots_near_axis,

@@ -20,6 +20,7 @@ References
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ import numpy as np
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray, numbered
 from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem, Points, perron_bound
+from susp_ctrl.delay_systems.roots.modal_count import ModalLoop
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
 # Relative uncertainty of every entry of K: some dozens of roundings.
@@ -145,29 +147,65 @@ def count_right_of(K: CharacteristicMatrix, line: float = 0.0, most_points: int 
     if K.n_states == 0:
         return 0
     moved = K.shifted(line)
+    modal = ModalLoop.of(K, line)
+    if modal is not None:
+        try:
+            return _count_in_modes(modal, most_points)
+        except ContourError:
+            pass  # near a pole, or where modes are no good basis, the matrix itself may still tell
     # any positive number will do where all roots are at zero
     top = moved.root_bound or 1.0
     corner = np.array([1j * top])
     outer_phase = float(
         np.angle(1.0 - np.linalg.eigvals(moved.closed(moved.exponentials(corner)))[0] / corner).sum()
     )
-    turns = K.n_states / 2.0 + (outer_phase - _phase_along_axis(moved, top, most_points)) / np.pi
+    batch = max(16, _BATCH_NUMBERS // K.n_states**2)
+    phase = _phase_along_axis(
+        lambda lower, upper: _radius(moved, lower, upper, top),
+        lambda omega: _unit_determinant(moved(1j * omega)),
+        top, batch, most_points,
+    )  # fmt: skip
+    return _whole(K.n_states / 2.0 + (outer_phase - phase) / np.pi)
+
+
+def _count_in_modes(loop: ModalLoop, most_points: int) -> int:
+    """Poles right of the line plus turns of the return matrix, see `modal_count`."""
+    if not loop.certain:
+        raise ContourError(0.0, "a pole is too near to the line")
+    top = loop.reach
+    if top == 0.0:
+        return loop.poles_right
+    outer_phase = float(np.angle(np.linalg.eigvals(loop.return_matrices(np.array([top])))).sum())
+    phase = _phase_along_axis(
+        lambda lower, upper: _modal_radius(loop, lower, upper, top),
+        lambda omega: _unit_determinant(loop.return_matrices(omega)),
+        top, max(16, _BATCH_NUMBERS // (4 * loop.modes.out.size)), most_points,
+    )  # fmt: skip
+    return _whole(loop.poles_right + (outer_phase - phase) / np.pi)
+
+
+def _whole(turns: float) -> int:
     count = round(turns)
     if abs(turns - count) > 1e-3 or count < 0:
         raise ContourError(np.nan, f"the phase adds up to {turns:.6g} roots, which is no whole number")
     return count
 
 
-def _phase_along_axis(K: CharacteristicMatrix, top: float, most_points: int) -> float:
-    """Change of the phase of det K(jw) from w = 0 to w = `top`."""
+def _phase_along_axis(
+    radius_of: Callable[[FloatArray, FloatArray], FloatArray],
+    unit_determinant: Callable[[FloatArray], Points],
+    top: float,
+    batch: int,
+    most_points: int,
+) -> float:
+    """Change of the phase of a determinant from w = 0 to w = `top`; radii bound its change over steps."""
     edges = np.linspace(0.0, top, 17)
     lower, upper = edges[:-1], edges[1:]
     points = [edges]
-    batch = max(16, _BATCH_NUMBERS // K.n_states**2)
     evaluated = 0
     while lower.size:
         radius = np.concatenate(
-            [_radius(K, lower[i : i + batch], upper[i : i + batch], top) for i in range(0, lower.size, batch)]
+            [radius_of(lower[i : i + batch], upper[i : i + batch]) for i in range(0, lower.size, batch)]
         )
         done = radius <= _RADIUS
         evaluated += lower.size
@@ -180,8 +218,7 @@ def _phase_along_axis(K: CharacteristicMatrix, top: float, most_points: int) -> 
         lower, upper = start + number * width, start + (number + 1) * width
         points.append(lower)
     omega = np.unique(np.concatenate(points))
-    phases = [_unit_determinant(K(1j * omega[i : i + batch])) for i in range(0, omega.size, batch)]
-    phase = np.concatenate(phases)
+    phase = np.concatenate([unit_determinant(omega[i : i + batch]) for i in range(0, omega.size, batch)])
     return float(np.angle(phase[1:] / phase[:-1]).sum())
 
 
@@ -191,29 +228,58 @@ def _unit_determinant(matrices: Points) -> Points:
 
 
 def _radius(K: CharacteristicMatrix, lower: FloatArray, upper: FloatArray, top: float) -> FloatArray:
-    """Bound the spectral radius of X on every step; two where the phase could change by half a turn.
-
-    Raises
-    ------
-    ContourError
-        The uncertainty of the entries alone makes K singular as far as can be told.
-    """
+    """Bound the spectral radius of X on every step, see `_accepted`."""
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-    matrices = K(1j * middle)
+    matrices, slopes = K.with_derivative(1j * middle)
     singular = np.linalg.slogdet(matrices)[0] == 0.0
     if np.any(singular):
         # a step may end on a root by chance without the root being its business: move off it
         _refuse_narrow(middle[singular], half[singular], top)
         matrices[singular] += np.eye(K.n_states) * half[singular, None, None] * 1e-3
-    inverse = np.abs(np.linalg.inv(matrices))
+    inverse = np.linalg.inv(matrices)
+    size = np.abs(inverse)
     absolute_A, into, out = K.absolute_parts
     identity = np.eye(K.n_states)
-    # |K(s) - K(s0)| over the step; |e^{-s tau} - e^{-s0 tau}| <= min(2, tau |s - s0|) on the axis
-    phase_change = np.minimum(2.0, half[:, None] * K.delays)
+    turn = half[:, None] * K.delays
     uncertain = _ENTRY_UNCERTAINTY * (1.0 + middle[:, None] * K.delays)
     entries = _ENTRY_UNCERTAINTY * (middle[:, None, None] * identity + absolute_A)
-    rounding = inverse @ (entries + (into * uncertain[:, None, :]) @ out)
-    X = inverse @ (half[:, None, None] * identity + (into * phase_change[:, None, :]) @ out) + rounding
+    rounding = size @ (entries + (into * uncertain[:, None, :]) @ out)
+    # |K(s) - K(s0)| over the step, with |e^{-s tau} - e^{-s0 tau}| <= min(2, tau |s - s0|) on the axis
+    all_orders = half[:, None, None] * identity + (into * np.minimum(2.0, turn)[:, None, :]) @ out
+    # or the first order itself and the rest, in which nothing cancels
+    rest = K.second_order(turn)
+    X = np.minimum(size @ all_orders, half[:, None, None] * np.abs(inverse @ slopes) + size @ rest) + rounding
+    return _accepted(X, rounding, middle, half, top)
+
+
+def _modal_radius(loop: ModalLoop, lower: FloatArray, upper: FloatArray, top: float) -> FloatArray:
+    """As `_radius`, for the return matrix."""
+    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    step = loop.step(middle, half)
+    usable = step.clear & (np.linalg.slogdet(step.T)[0] != 0.0)
+    _refuse_narrow(middle[~usable], half[~usable], top)
+    radius = np.full(middle.size, 8.0)
+    if np.any(usable):
+        T, slope, all_orders, rest, rounding = (part[usable] for part in step[:-1])
+        inverse = np.linalg.inv(T)
+        size = np.abs(inverse)
+        first = half[usable, None, None] * np.abs(inverse @ slope)
+        uncertain = size @ rounding
+        X = np.minimum(size @ all_orders, first + size @ rest) + uncertain
+        radius[usable] = _accepted(X, uncertain, middle[usable], half[usable], top)
+    return radius
+
+
+def _accepted(
+    X: FloatArray, rounding: FloatArray, middle: FloatArray, half: FloatArray, top: float
+) -> FloatArray:
+    """Return the spectral radius of every X, or two where the phase could change by half a turn.
+
+    Raises
+    ------
+    ContourError
+        The rounding alone makes the matrix singular as far as can be told.
+    """
     limit = perron_bound(rounding)
     if np.any(limit > 0.5 * _RADIUS):
         worst = int(np.argmax(limit))
@@ -222,7 +288,7 @@ def _radius(K: CharacteristicMatrix, lower: FloatArray, upper: FloatArray, top: 
     _refuse_narrow(middle[radius > _RADIUS], half[radius > _RADIUS], top)
     small = np.flatnonzero(radius <= _RADIUS)
     if small.size:
-        largest_phase = -np.linalg.slogdet(identity - X[small])[1]
+        largest_phase = -np.linalg.slogdet(np.eye(X.shape[-1]) - X[small])[1]
         radius[small[largest_phase > _PHASE]] = 2.0 * _RADIUS
     return radius
 

@@ -27,6 +27,7 @@ from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.approximation import discretized_matrix
 from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import ContourError, abscissa_by_counts, count_right_of
+from susp_ctrl.delay_systems.roots.modal_count import ModalLoop
 from susp_ctrl.delay_systems.roots.root_refinement import RefinedRoots, eigenvalue_uncertainty, refine
 from susp_ctrl.errors import InputError
 
@@ -34,6 +35,8 @@ from susp_ctrl.errors import InputError
 _LARGEST_SIZE = 1200
 _MOST_ROOTS = 1000
 _ATTEMPTS = 7
+# Points of one count that confirms roots: far to the left, or where signals nearly cancel, it would take millions.
+_POINTS_OF_A_CHECK = 100_000
 # Angle |s| tau (rad) that the first discretisation resolves at most, where the order is checked afterwards.
 FIRST_ANGLE = 150.0
 
@@ -168,23 +171,31 @@ def rightmost_roots(K: CharacteristicMatrix, count: int) -> RootSet:
     longest = float(K.delays.max())
     radius = max(min(reach_near_axis(K), FIRST_ANGLE / longest), 1.6 * count / longest)
     margin = 4
-    found = _nothing()
-    for attempt in range(_ATTEMPTS):
+    best = _nothing()
+    unconfirmed = best.roots
+    for _ in range(_ATTEMPTS):
         eigenvalues, size = _eigenvalues(K, radius)
         found = _all_of(refine(K, _rightmost_starts(eigenvalues, count + margin, radius)), size)
-        if is_complete(K, found, count):
+        confirmed = _confirmed(K, found, count)
+        if confirmed:
             return found.first(pairs_whole(found, count))._replace(complete=True)
-        if attempt == 1 and not _delays_move_roots(K):
-            return _without_delay(K, count)
+        best = max(found, best, key=lambda candidate: min(candidate.roots.size, count))
         if found.largest:
             break
+        if confirmed is None:  # a higher order is worth trying only as long as it finds other roots
+            if unconfirmed.size and np.allclose(found.roots[:count], unconfirmed, rtol=1e-6):
+                break
+            unconfirmed = found.roots[:count]
         radius, margin = 1.8 * radius, 2 * margin
-    return found.first(pairs_whole(found, count))._replace(complete=False)
+    return best.first(pairs_whole(best, count))._replace(complete=False)
 
 
 def reach_near_axis(K: CharacteristicMatrix) -> float:
     """Modulus within which the roots in the right half plane lie, and those a little left of the axis."""
     margin = 1.0 / float(K.delays.max())
+    modal = ModalLoop.of(K, -margin)
+    if modal is not None:
+        return modal.reach + margin
     return min(K.root_bound, K.shifted(-margin).right_reach + margin)
 
 
@@ -200,6 +211,13 @@ def roots_near_axis(K: CharacteristicMatrix, count: int, radius: float) -> RootS
     unstable = int(np.sum(eigenvalues.real > -1e-3 * np.abs(eigenvalues)))
     starts = _rightmost_starts(eigenvalues, max(count, unstable) + 4, resolved)
     return _all_of(refine(K, starts), size)
+
+
+def probable_roots(K: CharacteristicMatrix, count: int) -> ComplexArray:
+    """Return about `count` rightmost roots as hints where peaks may be: exact, but some may be missing."""
+    if K.n_channels == 0:
+        return _without_delay(K, count).roots
+    return roots_near_axis(K, count, min(reach_near_axis(K), FIRST_ANGLE / float(K.delays.max()))).roots
 
 
 def roots_right_of(K: CharacteristicMatrix, line: float) -> RootSet:
@@ -224,9 +242,6 @@ def roots_right_of(K: CharacteristicMatrix, line: float) -> RootSet:
         inside = int(np.sum(found.roots.real > used))
         if inside == wanted:
             return found.first(int(np.sum(found.roots.real > line)))._replace(complete=True)
-        if attempt == 1 and not _delays_move_roots(K):
-            rest = _without_delay(K, K.n_states)
-            return rest.first(int(np.sum(rest.roots.real > line)))
         if found.largest:
             break
         radius *= 1.6
@@ -279,7 +294,22 @@ def is_complete(K: CharacteristicMatrix, found: RootSet, count: int) -> bool:
 
     The first gap is tried and the widest of the next few: between the members of a cluster nothing can be counted.
     """
-    return found.roots.size >= count and any(_confirmed(K, line, k) for k, line in _gaps(K, found, count))
+    return _confirmed(K, found, count) is True
+
+
+def _confirmed(K: CharacteristicMatrix, found: RootSet, count: int) -> bool | None:
+    """As `is_complete`; None where no line can be counted at."""
+    if found.roots.size < count:
+        return False
+    answers = []
+    for number, line in _gaps(K, found, count):
+        try:
+            answers.append(count_right_of(K, line, _POINTS_OF_A_CHECK) == number)
+        except (ContourError, InputError):  # on a root, or so far left that e^{-s tau} has no digits
+            continue
+        if answers[-1]:
+            return True
+    return False if answers else None
 
 
 def _gaps(K: CharacteristicMatrix, found: RootSet, count: int) -> list[tuple[int, float]]:
@@ -304,13 +334,6 @@ def _gaps(K: CharacteristicMatrix, found: RootSet, count: int) -> list[tuple[int
     ]
 
 
-def _confirmed(K: CharacteristicMatrix, line: float, number: int) -> bool:
-    try:
-        return count_right_of(K, line) == number
-    except (ContourError, InputError):  # on a root, or so far left that e^{-s tau} has no digits
-        return False
-
-
 def _count_near(K: CharacteristicMatrix, line: float) -> tuple[float, int | None]:
     """Count right of `line`, moved a little to the left where a root lies on it."""
     size = abs(line) + min(1e-3 * K.root_bound, 1.0 / float(K.delays.max()))
@@ -321,21 +344,6 @@ def _count_near(K: CharacteristicMatrix, line: float) -> tuple[float, int | None
         except ContourError:
             continue
     return line, None
-
-
-def _delays_move_roots(K: CharacteristicMatrix) -> bool:
-    """Tell whether det K depends on the delays at all, by random points E of the size at which it would show."""
-    random = np.random.default_rng(0)
-    A, into, out = K.absolute_parts
-    through_delays = float(np.linalg.norm(into @ out))
-    if through_delays == 0.0:
-        return False
-    size = (float(np.linalg.norm(A)) or 1.0) / through_delays
-    s = 2.0 * float(np.linalg.norm(A) or 1.0) * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, 6))
-    E = size * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, (6, K.n_channels)))
-    undelayed = s[:, None, None] * np.eye(K.n_states) - K.A
-    returned = np.linalg.solve(undelayed, K.closed(E) - K.A)
-    return bool(np.any(np.abs(np.linalg.det(np.eye(K.n_states) - returned) - 1.0) > 1e-10))
 
 
 def _without_delay(K: CharacteristicMatrix, count: int) -> RootSet:

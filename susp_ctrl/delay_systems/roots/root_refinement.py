@@ -29,6 +29,7 @@ _UNIT = 64.0 * np.finfo(float).eps
 _SETTLED = 1e-9
 # Approximations nearer than this (relative) are looked at together, as are all that rounding could unite.
 _NEAR = 1e-6
+_VAGUE = 0.1
 _CIRCLE = np.exp(2j * np.pi * (np.arange(48) + 0.5) / 48)
 # Circles tried around a group, each this much wider than the one before.
 _WIDER = 4.0
@@ -69,7 +70,9 @@ def refine(K: CharacteristicMatrix, starts: ComplexArray) -> RefinedRoots:
     found: list[tuple[complex, float, float]] = []
     error = np.maximum(steps, np.where(np.isfinite(uncertain), uncertain, 0.0))
     simple = _are_simple(K, limits, steps, uncertain)
-    for members in _groups(limits, 10.0 * error + _NEAR * np.abs(limits)):
+    # what has no digits left says nothing about its neighbours
+    reach = np.minimum(10.0 * error, _VAGUE * np.maximum(np.abs(limits), _bend(K)))
+    for members in _groups(limits, reach + _NEAR * np.abs(limits)):
         if members.size == 1 and simple[members[0]]:
             found.append((limits[members[0]], steps[members[0]], uncertain[members[0]]))
         else:
@@ -164,7 +167,7 @@ def _uncertainty(K: CharacteristicMatrix, s: ComplexArray, steps: FloatArray) ->
     multiple root it is about the distance at which rounding scatters the members.
     """
     # a little beside the root, where K can be inverted; further off where the last step was zero by chance
-    moved = _motion_beside(K, s, 1e-7 * np.abs(s) + 10.0 * steps + 1e-16 * K.root_bound + 1e-300)
+    moved = _motion_beside(K, s, 1e-7 * np.abs(s) + 10.0 * steps + 1e-16 * np.linalg.norm(K.A) + 1e-300)
     unknown = ~np.isfinite(moved)
     if np.any(unknown):
         moved[unknown] = _motion_beside(K, s[unknown], 1e-7 * np.maximum(np.abs(s[unknown]), _bend(K)))

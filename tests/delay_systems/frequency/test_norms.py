@@ -8,6 +8,7 @@ import oracles
 import pytest
 
 import susp_ctrl as sc
+from susp_ctrl.delay_systems.frequency import norms
 from susp_ctrl.delay_systems.frequency.adaptive_quadrature import integrate
 from susp_ctrl.delay_systems.frequency.response_bounds import local_response, tail_bound
 
@@ -273,3 +274,15 @@ def test_wrong_arguments_are_named():
     ]:
         with pytest.raises(sc.InputError, match=name):
             wrong()
+
+
+@pytest.mark.property
+def test_the_h2_norm_asks_once_where_the_peaks_are(monkeypatch):
+    """However often the band is widened; the roots are hints, no proof is asked."""
+    asked = []
+    probable = norms.probable_roots
+    monkeypatch.setattr(norms, "probable_roots", lambda K, count: asked.append(count) or probable(K, count))
+    A = [np.array([[-1.0, 3.0], [-3.0, -1.0]]), 0.3 * np.eye(2)]
+    loop = sc.DelayLTI.from_state_delays(A=A, delays=[0.5], B=[[1.0], [0.0]])
+    assert sc.h2_norm(loop) > 0.0
+    assert len(asked) == 1
