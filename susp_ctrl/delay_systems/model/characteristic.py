@@ -169,8 +169,8 @@ class CharacteristicMatrix:
 
     @cached_property
     def modes(self) -> Modes | None:
-        """The modes of A where there are many states and few signals; None otherwise, or if they are no basis."""
-        if self.n_states < max(_MANY_STATES, _FEW_SIGNALS * self.n_channels):
+        """The modes of A where there are many states and few signals, but some; None else, or if they are no basis."""
+        if self.n_channels == 0 or self.n_states < max(_MANY_STATES, _FEW_SIGNALS * self.n_channels):
             return None
         poles, V = np.linalg.eig(self.A)
         try:

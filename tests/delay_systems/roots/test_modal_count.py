@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import control
 import numpy as np
 import pytest
 from scipy.special import lambertw
@@ -87,3 +88,14 @@ def test_a_pole_on_the_line_is_left_to_the_matrix():
     )
     with pytest.raises(ContourError):
         count_right_of(K)
+
+
+@pytest.mark.parametrize("states", [23, 24, 60])
+def test_many_states_without_any_delay_in_a_loop(states):
+    """The eigenvalues are the roots: of a plant alone, and of one whose delay leads nowhere."""
+    A = np.random.default_rng(states).normal(size=(states, states)) - 4.0 * np.eye(states)
+    plant = control.ss(A, np.eye(states)[:, :1], np.eye(states)[:1], 0.0)
+    expected = int(np.sum(np.linalg.eigvals(A).real > 0))
+    for system in (plant, sc.delay(0.5) * plant):
+        assert sc.count_unstable_roots(system) == expected
+        assert sc.stability(system).unstable_roots == expected
