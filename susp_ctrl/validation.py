@@ -173,13 +173,13 @@ def function(name: str, value: Any) -> Any:
     return value
 
 
-def array(name: str, value: ArrayLike) -> FloatArray:
-    """Return `value` as a finite float array of any shape."""
+def array(name: str, value: ArrayLike, *, finite: bool = True) -> FloatArray:
+    """Return `value` as a float array of any shape."""
     try:
         result = _real(value)
     except (TypeError, ValueError):
-        raise InputError(f"{name} = {shown(value)} is not allowed: an array of numbers is needed") from None
-    if not np.all(np.isfinite(result)):
+        raise InputError(f"{name} is not allowed: real numbers are needed") from None
+    if finite and not np.all(np.isfinite(result)):
         raise InputError(f"{name} is not allowed: finite numbers are needed")
     return result
 

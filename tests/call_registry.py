@@ -134,6 +134,7 @@ def calls() -> dict[str, Call]:
         "count_unstable_roots": (sc.count_unstable_roots, {"sys": loop}),
         "delay": (sc.delay, {"tau": 0.5, "inputs": "u", "outputs": "y", "name": "D"}),
         "delay_independent_stability": (sc.delay_independent_stability, {"sys": loop}),
+        "disk_margin": (sc.disk_margin, {"sys": sc.delay(0.2) * open_plant, "skew": 0.5}),
         "feedback": (sc.feedback, {"sys1": loop, "sys2": 1, "sign": -1, "name": "F"}),
         "h2_norm": (sc.h2_norm, {"sys": loop, "tolerance": 1e-6}),
         "hinf_norm": (sc.hinf_norm, {"sys": loop, "tolerance": 1e-6}),
@@ -185,13 +186,17 @@ def calls() -> dict[str, Call]:
         "stability_map": (
             sc.stability_map, {"sys": loop, "tau1": (0.0, 1.0), "gain1": (-1.0, 1.0), "channels": (0, 0)}
         ),
-        "stability_margins": (sc.stability_margins, {"sys": sc.delay(0.2) * open_plant}),
+        "stability_margins": (
+            sc.stability_margins,
+            {"sys": sc.delay(0.2) * open_plant, "omega_range": (0.1, 10.0), "channel": 0},
+        ),
         "stationary_rms": (
             sc.stationary_rms,
             {"system": s["passive"], "road": s["road"], "lags": None, "vehicle": s["car"], "rtol": 1e-4},
         ),
         "steady_response": (
-            sc.steady_response, {"sys": loop, "timepts": t, "inputs": sc.HarmonicRoad(0.01, 7.0).inputs({"u": 0.0})}
+            sc.steady_response,
+            {"sys": loop, "timepts": t, "inputs": sc.HarmonicRoad(0.01, 7.0, steady=True).inputs({"u": 0.0})},
         ),
         "sweep": (sc.sweep, {"study": None, "grid_or_samples": sc.Grid(factors), "workers": 1}),
         "sweep_delays": (sc.sweep_delays, {"sys": loop, "direction": [1.0], "start": [0.0], "up_to": 2.0}),

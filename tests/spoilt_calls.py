@@ -11,7 +11,7 @@ from typing import Any
 import control as ct
 import numpy as np
 import pandas as pd
-from call_registry import Call, calls, small_loop
+from call_registry import calls, small_loop
 
 import susp_ctrl as sc
 
@@ -59,7 +59,7 @@ BAD: list[Callable[[], Any]] = [
 
 
 def spoilt(seed: int, count: int) -> Iterator[tuple[str, dict[str, Any], Callable[[], Any]]]:
-    """Yield name, spoilt arguments and the call."""
+    """Yield name, spoilt arguments and the call; every callable in turn, its arguments in a fixed random order."""
     rng = random.Random(seed)
     valid = {name: call for name, call in calls().items() if call[1] and name not in ("run_study", "sweep")}
     names = list(valid)
@@ -71,25 +71,27 @@ def spoilt(seed: int, count: int) -> Iterator[tuple[str, dict[str, Any], Callabl
         yield name, bad, lambda function=function, arguments=arguments, bad=bad: function(**(arguments | bad))
 
 
-def judged(call: Callable[[], Any], bad: dict[str, Any]) -> str:
-    """Make the call; return what is wrong with its outcome, an empty text if nothing is."""
+def judged(name: str, call: Callable[[], Any]) -> str:
+    """Make the call; return what is wrong with its outcome, an empty text if nothing is.
+
+    Operators follow Python's own convention: a TypeError where neither operand knows the other.
+    """
     with warnings.catch_warnings(action="ignore"):
         try:
             call()
         except sc.InputError as refusal:
             text = str(refusal)
-            if len(text.splitlines()) != 1:
-                return f"not one line: {text[:200]!r}"
-            if len(text) > LONGEST_MESSAGE:
-                return f"{len(text)} letters: {text[:200]!r}"
+            if len(text.splitlines()) != 1 or len(text) > LONGEST_MESSAGE:
+                return f"not one short line: {text[:200]!r}"
         except RuntimeError as problem:
             if "caller's own function" not in str(problem):
                 return repr(problem)[:300]
         except FileNotFoundError:
             pass
+        except TypeError as problem:
+            # raised by a function of the caller that takes no argument, or by the other operand of an operator
+            if name[-1] not in "+*/" and "<lambda>()" not in str(problem):
+                return f"TypeError: {str(problem)[:200]}"
         except Exception as problem:  # that is what is looked for
             return f"{type(problem).__name__}: {str(problem)[:200]}"
     return ""
-
-
-__all__ = ["BAD", "Call", "judged", "spoilt"]

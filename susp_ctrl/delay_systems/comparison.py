@@ -8,6 +8,7 @@ whether the approximation would have called the loop stable.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from numbers import Integral
 from typing import Any, NamedTuple
 
 import control
@@ -195,7 +196,7 @@ def _simulated(system: DelayLTI, timepts: Any, inputs: Any) -> np.ndarray:
 
 
 def _orders(orders: Iterable[int]) -> list[int]:
-    given = [orders] if np.ndim(orders) == 0 else list(orders)  # type: ignore[arg-type]
+    given = [orders] if isinstance(orders, Integral) else validation.sequence("orders", orders)
     if not given:
         raise InputError("orders is empty: at least one order is needed")
     return [

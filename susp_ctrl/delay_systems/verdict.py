@@ -40,7 +40,7 @@ from susp_ctrl.delay_systems.roots import (
     rightmost_roots,
     roots_near_axis,
 )
-from susp_ctrl.errors import InputError, UndecidedStabilityWarning
+from susp_ctrl.errors import InputError, TooMuchWorkError, UndecidedStabilityWarning
 
 VerdictWord = Literal["stable", "unstable", "undecided"]
 VERDICT_WORDS: Mapping[bool | None, VerdictWord] = {True: "stable", False: "unstable", None: "undecided"}
@@ -287,7 +287,10 @@ def _count_by_sweep(system: DelaySystem, expected: int | None) -> int | None:
     unstable = int(np.sum(poles.real > 0.0))
     answer = None
     for way in search.ways():
-        found = way()
+        try:
+            found = way()
+        except TooMuchWorkError:  # very long delays: more crossings than can be listed
+            return None
         if not found.complete or np.any(np.minimum(found.tau, 1.0 - found.tau) < 1e-9):
             continue
         # roots that cross come in pairs: one on the axis at s = 0 would be there for all delays

@@ -172,8 +172,8 @@ def compare_indices(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 def _checked_response(response: Any) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Return the times and every output by name."""
     try:
-        t = np.asarray(response.time, dtype=float)
-        outputs = np.asarray(response.y, dtype=float)
+        t = validation.array("response.time", response.time, finite=False)
+        outputs = validation.array("response.y", response.y, finite=False)
         labels = list(response.output_labels)
     except AttributeError:
         raise InputError(f"response = {response!r} is not allowed: a time response is needed") from None

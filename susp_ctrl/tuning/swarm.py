@@ -23,6 +23,7 @@ from susp_ctrl.errors import InputError
 Objective = Callable[[FloatArray], Any]
 
 TOPOLOGIES = ("ring", "global")
+MOST_PARTICLES, MOST_ITERATIONS = 1_000_000, 10_000_000
 
 
 @dataclass(frozen=True)
@@ -142,8 +143,8 @@ def pso(
     """
     low, high = _box(lower, upper)
     validation.function("objective", objective)
-    count = validation.integer("particles", particles, at_least=2)
-    steps = validation.integer("iterations", iterations, at_least=0)
+    count = validation.integer("particles", particles, at_least=2, at_most=MOST_PARTICLES)
+    steps = validation.integer("iterations", iterations, at_least=0, at_most=MOST_ITERATIONS)
     rng = validation.random_generator(seed)
     rule = _rule(preset, topology, inertia, cognitive, social, velocity_clamp, stagnation)
     wait = None if patience is None else validation.integer("patience", patience, at_least=1)
@@ -304,9 +305,9 @@ def latin_hypercube(
 def _judged(answer: Any, count: int) -> tuple[FloatArray, FloatArray]:
     """Split an objective's answer into values and violations; an infeasible point has no value (inf)."""
     if isinstance(answer, tuple):
-        values, violations = (np.array(part, dtype=float) for part in answer)
+        values, violations = (_numbers(part) for part in answer)
     else:
-        values = np.array(answer, dtype=float)
+        values = _numbers(answer)
         violations = np.zeros(values.shape)
     if values.shape != (count,) or violations.shape != (count,):
         raise InputError(
@@ -316,6 +317,10 @@ def _judged(answer: Any, count: int) -> tuple[FloatArray, FloatArray]:
     violations[~np.isfinite(violations) | (~np.isfinite(values) & (violations == 0))] = np.inf
     values[violations > 0] = np.inf
     return values, violations
+
+
+def _numbers(answer: Any) -> FloatArray:
+    return validation.array("what objective returns", answer, finite=False).copy()
 
 
 def _summary(

@@ -25,9 +25,12 @@ from susp_ctrl.delay_systems.crossings.axis_zeros import Zeros, chain_zeros, uni
 from susp_ctrl.delay_systems.crossings.branch_and_bound import Work, search_zeros
 from susp_ctrl.delay_systems.crossings.delay_line import DelayLine, roots_always_on_axis
 from susp_ctrl.delay_systems.crossings.small_gain import Bands, small_gain_bands
+from susp_ctrl.errors import TooMuchWorkError
 
 # Largest eigenvalue problem of the exact way; above it branch and bound is faster.
 _LARGEST_PENCIL = 200
+MOST_CROSSINGS = 50_000
+"""Crossings that one sweep may have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +150,12 @@ class CrossingSearch:
     def _unrolled(self, zeros: Zeros, complete: bool, exact: bool, method: str) -> Crossings:
         """Turn angles into every delay up to the end."""
         zeros = self._genuine(zeros)
+        expected = float(np.sum(zeros.omega)) * (self.line.step or 0.0) * self.line.up_to / (2.0 * np.pi)
+        if expected > MOST_CROSSINGS:
+            raise TooMuchWorkError(
+                f"up_to = {self.line.up_to:g} would give some {expected:.3g} crossings: "
+                f"at most {MOST_CROSSINGS:,} are listed, a smaller end is needed"
+            )
         tau, omega, degree = [np.zeros(0)], [np.zeros(0)], [np.zeros(0, dtype=int)]
         for w, theta, sign in zip(*zeros, strict=True):
             delays = self.line.delays_of_angle(float(w), float(theta))

@@ -42,6 +42,8 @@ from susp_ctrl.delay_systems.model import DelaySystem
 from susp_ctrl.errors import InputError
 
 _REPAIRED = 6
+SHORTEST_SWEEP = 1e-15
+"""Least end of a sweep (s)."""
 
 
 def sweep_delays(
@@ -73,6 +75,8 @@ def sweep_delays(
         Wrong sizes, a direction of zeros, a delay that becomes negative on the line.
     NeutralLoopError
         A loop that is neutral once its delays are positive.
+    TooMuchWorkError
+        More than 50,000 crossings.
 
     Examples
     --------
@@ -85,7 +89,7 @@ def sweep_delays(
     n = system.delays.size
     d = _per_delay("direction", 1.0 if direction is None else direction, n)
     s = validation.delays("start", _per_delay("start", 0.0 if start is None else start, n))
-    end = validation.number("up_to", up_to, above=0.0)
+    end = validation.number("up_to", up_to, at_least=SHORTEST_SWEEP, at_most=validation.LONGEST_DELAY)
     if n and not np.any(d):
         raise InputError("direction is zero: at least one delay has to grow")
     if np.any(s + end * d < -1e-15):

@@ -59,9 +59,7 @@ class SweepCounts:
         inside = (found.tau > reach) & (found.tau < end - reach)
         edges = np.concatenate([[0.0], _merged(found.tau[inside], reach[inside]), [end]])
         steps = np.zeros(edges.size - 1, dtype=int)
-        np.add.at(
-            steps, np.argmin(np.abs(found.tau[inside][:, None] - edges[:-1]), axis=1), found.roots[inside]
-        )
+        np.add.at(steps, _nearest(edges[:-1], found.tau[inside]), found.roots[inside])
         total = np.cumsum(steps)
         counted = {tau: count for tau in self._places(found, edges) if (count := self.count(tau)) is not None}
         start = None if np.any(found.tau <= reach) else self._count_at_start()
@@ -154,9 +152,7 @@ def crossing_table(found: Crossings, edges: FloatArray, roots: np.ndarray) -> pd
     """One row per crossing root pair, in the order of tau, with the counts around its group."""
     order = np.lexsort((found.omega, found.tau))
     repeats = np.maximum(np.abs(found.degree[order]), 1)
-    group = (
-        np.argmin(np.abs(found.tau[:, None] - edges), axis=1) if found.tau.size else np.zeros(0, dtype=int)
-    )
+    group = _nearest(edges, found.tau) if found.tau.size else np.zeros(0, dtype=int)
     net = np.zeros(edges.size, dtype=int)
     np.add.at(net, group, found.roots)
     # At the ends of the line one side has no interval: there the change itself says what it would be.
@@ -172,3 +168,10 @@ def crossing_table(found: Crossings, edges: FloatArray, roots: np.ndarray) -> pd
             "unstable_after": after[position],
         }
     )
+
+
+def _nearest(edges: FloatArray, values: FloatArray) -> np.ndarray:
+    """Return the number of the edge next to each value; edges increase."""
+    after = np.clip(np.searchsorted(edges, values), 1, max(edges.size - 1, 1))
+    before_is_nearer = values - edges[after - 1] <= edges[np.minimum(after, edges.size - 1)] - values
+    return np.where(before_is_nearer | (after >= edges.size), after - 1, after)

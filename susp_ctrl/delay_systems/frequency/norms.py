@@ -239,7 +239,9 @@ def output_rms(
         gains = np.abs(system(1j * omega, squeeze=False)) ** 2
         total = np.zeros((gains.shape[0], omega.size))
         for j, density in densities.items():
-            S = np.broadcast_to(np.asarray(density(omega), dtype=float), omega.shape)
+            S = np.broadcast_to(
+                validation.array("what psd returns", density(omega), finite=False), omega.shape
+            )
             if not np.all(np.isfinite(S)) or np.any(S < 0.0):
                 raise InputError(f"psd of {system.input_labels[j]} is negative or not finite in omega_range")
             total += gains[:, j] * S

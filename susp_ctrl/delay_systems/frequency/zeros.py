@@ -19,6 +19,7 @@ from susp_ctrl.delay_systems.model import DelaySystem
 from susp_ctrl.errors import InputError
 
 _STEPS = 30
+_MOST_ZEROS = 1000
 
 
 class NotSquareError(InputError, NotImplementedError):
@@ -44,7 +45,7 @@ def transmission_zeros(sys: DelaySystem, count: int = 8) -> np.ndarray:
     -----
     Unlike the characteristic roots the zeros are not checked for completeness.
     """
-    wanted = validation.integer("count", count, at_least=1)
+    wanted = validation.integer("count", count, at_least=1, at_most=_MOST_ZEROS)
     if sys.ninputs != sys.noutputs:
         raise InputError(
             f"sys has {sys.ninputs} inputs and {sys.noutputs} outputs: zeros need as many of both"

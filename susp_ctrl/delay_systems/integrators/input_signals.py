@@ -292,7 +292,7 @@ def _check_lines(part: Part, timepts: FloatArray) -> None:
 
 
 def _evaluate(part: Part, times: FloatArray) -> NDArray[np.float64]:
-    values = np.asarray(part.function(times), dtype=float)
+    values = validation.array(f"what {part.name} returns", part.function(times), finite=False)
     rows = len(part.rows)
     if values.shape == times.shape and rows == 1:
         values = values[None]
@@ -311,9 +311,11 @@ def _evaluate(part: Part, times: FloatArray) -> NDArray[np.float64]:
 
 def _samples(label: str, value: Any, rows: int, timepts: FloatArray) -> FloatArray:
     try:
-        samples = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{label} is not allowed: an array of numbers or a callable is needed") from None
+        samples = validation.array(label, value, finite=False)
+    except InputError:
+        raise InputError(
+            f"{label} is not allowed: an array of real numbers or a callable is needed"
+        ) from None
     if samples.ndim == 1 and rows == 1:
         samples = samples[None]
     if samples.shape != (rows, timepts.size):

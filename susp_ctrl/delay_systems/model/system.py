@@ -5,9 +5,8 @@ linear fractional form of `susp_ctrl.delay_systems.model.lft`, with the delays a
 and equal ones too. Algorithms work on `DelaySystem.folded`. What was given as transfer functions or state delays is
 kept beside it as it was `written`.
 
-A *retarded* system has no direct path from a delayed signal around the loop to itself. With such a path it is
-*neutral*: an infinitely small delay can create infinitely many unstable roots [1]_. A neutral loop is refused
-when it is built, so every system here is retarded and well posed.
+With a direct path from a delayed signal around the loop to itself a system is *neutral*: an infinitely small delay can
+create infinitely many unstable roots [1]_. It is refused when it is built: every system here is retarded.
 
 References
 ----------
@@ -209,13 +208,10 @@ class DelaySystem(LTI):
     def _settings(self) -> dict[str, Any]:
         return {
             "plant": self._realization,
-            "delays": self._delays,
-            "gains": self._gains,
-            "widths": self._widths,
+            **{key: getattr(self, key) for key in ("delays", "gains", "widths", "name")},
             "inputs": self.input_labels,
             "outputs": self.output_labels,
             "states": self.state_labels,
-            "name": self.name,
         }
 
     def _with(self, **changes: Any) -> Self:
@@ -323,6 +319,8 @@ class DelaySystem(LTI):
         complex or ndarray of complex
         """
         points = np.atleast_1d(validation.complex_array("x", x))
+        if points.ndim > 1:
+            raise InputError(f"x has shape {points.shape}: a point or a sequence of points is needed")
         loop = self.folded
         values = np.moveaxis(loop_response(loop.plant, points, loop.exponentials(points)), 0, -1)
         if np.ndim(x) == 0:
@@ -337,7 +335,7 @@ class DelaySystem(LTI):
         return values
 
     def dcgain(self, warn_infinite: bool = False) -> Any:
-        """Return the gain at s = 0 (delays are transparent there)."""
+        """Return the gain at s = 0, which no delay changes."""
         return self._dcgain(warn_infinite)
 
     # Arrays and numpy numbers on the left leave the operation to this class instead of taking it apart.
@@ -368,6 +366,8 @@ class DelaySystem(LTI):
         return self._operate(arithmetic.multiply, other, other_first=True)
 
     def __truediv__(self, other: Any) -> Self:
+        if isinstance(other, control.InputOutputSystem):
+            raise InputError("division by a system is not possible: multiply by its inverse")
         if not isinstance(other, (Real, np.number)) or isinstance(other, bool):
             return NotImplemented
         if other == 0:
@@ -381,7 +381,7 @@ class DelaySystem(LTI):
         self, operation: Callable[[Self, Self], Self], other: Any, other_first: bool = False
     ) -> Self:
         known = (DelaySystem, control.StateSpace, control.TransferFunction)
-        if not isinstance(other, known) and not is_number_like(other):
+        if not isinstance(other, (*known, control.InputOutputSystem)) and not is_number_like(other):
             return NotImplemented
         converted = self.of(other, "operand")
         return operation(converted, self) if other_first else operation(self, converted)

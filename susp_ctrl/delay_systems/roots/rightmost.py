@@ -33,7 +33,7 @@ from susp_ctrl.errors import InputError
 
 # Largest matrix whose eigenvalues are computed (about a second), and most roots that may be asked for.
 _LARGEST_SIZE = 1200
-_MOST_ROOTS = 1000
+MOST_ROOTS = 1000
 _ATTEMPTS = 7
 # Points of one count that confirms roots: far to the left, or where signals nearly cancel, it would take millions.
 _POINTS_OF_A_CHECK = 100_000
@@ -115,7 +115,7 @@ def characteristic_roots(
             raise InputError(f"count = {count} and right_of = {right_of}: only one of them can be given")
         found = roots_right_of(K, validation.number("right_of", right_of))
     else:
-        wanted = 8 if count is None else validation.integer("count", count, at_least=1, at_most=_MOST_ROOTS)
+        wanted = 8 if count is None else validation.integer("count", count, at_least=1, at_most=MOST_ROOTS)
         found = rightmost_roots(K, wanted)
     if not found.complete:
         warnings.warn(
@@ -205,7 +205,7 @@ def roots_near_axis(K: CharacteristicMatrix, count: int, radius: float) -> RootS
     At least `count` starts are refined, and all that may be unstable. Nothing tells whether a root is missing.
     """
     if K.n_channels == 0:
-        return _without_delay(K, count)
+        return _without_delay(K, K.n_states)
     resolved = max(radius, 1.6 * count / float(K.delays.max()))
     eigenvalues, size = _eigenvalues(K, resolved)
     unstable = int(np.sum(eigenvalues.real > -1e-3 * np.abs(eigenvalues)))
@@ -226,9 +226,9 @@ def roots_right_of(K: CharacteristicMatrix, line: float) -> RootSet:
         found = _without_delay(K, K.n_states)
         return found.first(int(np.sum(found.roots.real > line)))
     used, wanted = _count_near(K, line)
-    if wanted is not None and wanted > _MOST_ROOTS:
+    if wanted is not None and wanted > MOST_ROOTS:
         raise InputError(
-            f"right_of = {line:g} is not allowed: {wanted} roots lie there, at most {_MOST_ROOTS} may"
+            f"right_of = {line:g} is not allowed: {wanted} roots lie there, at most {MOST_ROOTS} may"
         )
     # a chain of roots is spaced by 2 pi/tau in both half planes
     chain = 3.2 * (wanted or 0) / float(K.delays.max())

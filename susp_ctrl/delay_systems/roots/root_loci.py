@@ -16,7 +16,7 @@ from susp_ctrl import validation
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem
 from susp_ctrl.delay_systems.roots.argument_principle import ContourError, count_right_of
-from susp_ctrl.delay_systems.roots.rightmost import rightmost_roots
+from susp_ctrl.delay_systems.roots.rightmost import MOST_ROOTS, rightmost_roots
 from susp_ctrl.errors import InputError
 
 # A root is the continuation of a branch if it lies this near (relative) to where the branch was heading.
@@ -116,7 +116,7 @@ def root_locus(sys: Any, parameter: str, values: ArrayLike, count: int = 8) -> R
     """
     system = DelaySystem.of(sys, "sys")
     steps = validation.increasing("values", values)
-    wanted = validation.integer("count", count, at_least=1)
+    wanted = validation.integer("count", count, at_least=1, at_most=MOST_ROOTS)
     change = _change(system, validation.one_of("parameter", parameter, _parameters(system)))
     found, unstable = [], []
     for value in steps:

@@ -49,7 +49,7 @@ def past_of(system: DelaySystem, history: Any, signals: Inputs) -> Past:
 
 
 def _history_values(history: Any, times: FloatArray, n: int) -> FloatArray:
-    values = np.asarray(history(times), dtype=float)
+    values = validation.array("what history returns", history(times), finite=False)
     if values.ndim == 1 and n == 1:
         values = values[None]
     if values.shape != (n, times.size):

@@ -179,6 +179,8 @@ class Factor:
             raise InputError(f"keys = {list(given)!r} is not allowed: a key stands there twice")
         object.__setattr__(self, "keys", given)
         object.__setattr__(self, "spread", _spread(given[0], spread))
+        if not isinstance(name, str):
+            raise InputError(f"name = {name!r} is not allowed: a text is needed")
         object.__setattr__(self, "name", name or " & ".join(given))
 
     @classmethod
@@ -230,6 +232,6 @@ def _spread(key: str, spread: Any) -> Spread:
             f"{key}: {spread!r} is not allowed: a list of values, a Range or a Tolerance is needed"
         )
     try:
-        return Levels(tuple(spread))
+        return Levels(tuple(validation.sequence("values", spread)))
     except InputError as problem:
         raise InputError(f"{key}: {problem}") from None

@@ -452,3 +452,15 @@ def test_neutral_along_the_line_is_refused():
     )
     with pytest.raises(NeutralLoopError):
         sc.sweep_delays(loop)
+
+
+@pytest.mark.analytical
+def test_thousands_of_crossings_are_listed_and_more_are_refused():
+    """x' = -x - 2 x(t - tau): one crossing frequency sqrt(3), a pair more every 2 pi/sqrt(3)."""
+    loop = states([[-1.0]], [[-2.0]])
+    found = sc.sweep_delays(loop, up_to=5000.0)
+    expected = np.floor((5000.0 * np.sqrt(3.0) - 2.0 * np.pi / 3.0) / (2.0 * np.pi)) + 1
+    assert len(found.crossings) == expected
+    assert found.intervals["unstable_roots"].tolist() == (2 * np.arange(expected + 1)).tolist()
+    with pytest.raises(sc.InputError, match=r"some 2\.76e\+08 crossings: at most 50,000 are listed"):
+        sc.sweep_delays(loop, up_to=1e9)
