@@ -21,6 +21,8 @@ from susp_ctrl.errors import InputError, shown
 
 LONGEST_DELAY = 1e15
 """Longest delay that is taken (s): beyond it the phase of ``e^{-s tau}`` has no digits at any frequency of use."""
+SHORTEST_DELAY = 1e-30
+"""Shortest delay that is taken (s) besides zero: products with it would leave the range of numbers."""
 
 
 def file_content(path: Any, *, most: int) -> bytes:
@@ -80,6 +82,11 @@ def number(
     return result
 
 
+def is_scalar(value: Any) -> bool:
+    """Whether a value is one thing, and not a sequence, ragged ones included."""
+    return not isinstance(value, (list, tuple)) and np.ndim(value) == 0
+
+
 def integer(name: str, value: Any, *, at_least: int | None = None, at_most: int | None = None) -> int:
     """Return `value` as an int within the given limits."""
     limits = [
@@ -96,13 +103,22 @@ def integer(name: str, value: Any, *, at_least: int | None = None, at_most: int 
 
 
 def delay(name: str, value: Any) -> float:
-    """Return `value` as a delay in seconds: from zero to `LONGEST_DELAY`."""
-    return number(name, value, at_least=0.0, at_most=LONGEST_DELAY)
+    """Return `value` as a delay in seconds: zero, or from `SHORTEST_DELAY` to `LONGEST_DELAY`."""
+    result = number(name, value, at_least=0.0, at_most=LONGEST_DELAY)
+    if 0.0 < result < SHORTEST_DELAY:
+        raise InputError(f"{name} = {result:g} is not allowed: zero or at least {SHORTEST_DELAY:g} is needed")
+    return result
 
 
 def delays(name: str, value: ArrayLike, *, size: int | None = None) -> FloatArray:
-    """Return `value` as delays in seconds: each from zero to `LONGEST_DELAY`."""
+    """Return `value` as delays in seconds: each zero, or from `SHORTEST_DELAY` to `LONGEST_DELAY`."""
     result = vector(name, value, size=size, at_least=0.0)
+    short = np.flatnonzero((result > 0.0) & (result < SHORTEST_DELAY))
+    if short.size:
+        k = int(short[0])
+        raise InputError(
+            f"{name}[{k}] = {result[k]:g} is not allowed: zero or at least {SHORTEST_DELAY:g} is needed"
+        )
     if result.max(initial=0.0) > LONGEST_DELAY:
         bad = int(np.argmax(result))
         raise InputError(

@@ -71,10 +71,11 @@ def spoilt(seed: int, count: int) -> Iterator[tuple[str, dict[str, Any], Callabl
         yield name, bad, lambda function=function, arguments=arguments, bad=bad: function(**(arguments | bad))
 
 
-def judged(name: str, call: Callable[[], Any]) -> str:
+def judged(name: str, bad: dict[str, Any], call: Callable[[], Any]) -> str:
     """Make the call; return what is wrong with its outcome, an empty text if nothing is.
 
-    Operators follow Python's own convention: a TypeError where neither operand knows the other.
+    Operators follow Python's own convention: a TypeError where neither operand knows the other (pandas asks the other
+    operand for attributes of arrays). What a function of the caller raises comes out as it is.
     """
     with warnings.catch_warnings(action="ignore"):
         try:
@@ -88,10 +89,11 @@ def judged(name: str, call: Callable[[], Any]) -> str:
                 return repr(problem)[:300]
         except FileNotFoundError:
             pass
-        except TypeError as problem:
-            # raised by a function of the caller that takes no argument, or by the other operand of an operator
-            if name[-1] not in "+*/" and "<lambda>()" not in str(problem):
-                return f"TypeError: {str(problem)[:200]}"
+        except (TypeError, ValueError) as problem:
+            # raised by the caller's own function, or by the other operand of an operator
+            if name[-1] not in "+*/" and not any(map(callable, bad.values())):
+                return f"{type(problem).__name__}: {str(problem)[:200]}"
         except Exception as problem:  # that is what is looked for
-            return f"{type(problem).__name__}: {str(problem)[:200]}"
+            if not (name[-1] in "+*/" and isinstance(bad.get("other"), (pd.DataFrame, pd.Series))):
+                return f"{type(problem).__name__}: {str(problem)[:200]}"
     return ""

@@ -26,7 +26,9 @@ def test_the_calls_themselves_are_right():
 
 
 def faults(seed, count):
-    return [(name, bad, wrong) for name, bad, call in spoilt(seed, count) if (wrong := judged(name, call))]
+    return [
+        (name, bad, wrong) for name, bad, call in spoilt(seed, count) if (wrong := judged(name, bad, call))
+    ]
 
 
 @pytest.mark.property

@@ -90,6 +90,7 @@ def _quadratic(s: ComplexArray, frequency: float, quality: float) -> ComplexArra
 # The slowest mode of the filter, 0.4 Hz with damping 0.707, falls as exp(-1.78 t): below 1e-12 after 16 s.
 # The padding of the Fourier transform keeps that tail from wrapping round to the start of the record.
 _TAIL = 16.0
+_MOST_SAMPLES = 1e8
 
 
 def weighted_history(values: ArrayLike, step: float, weighting: str = "Wk") -> FloatArray:
@@ -122,6 +123,8 @@ def weighted_history(values: ArrayLike, step: float, weighting: str = "Wk") -> F
     if signal.ndim == 0 or signal.shape[-1] == 0:
         raise InputError(f"values has shape {signal.shape}: samples along the last axis are needed")
     count = signal.shape[-1]
+    if not _TAIL / step < _MOST_SAMPLES:
+        raise InputError(f"step = {step:g} is not allowed: at least {_TAIL / _MOST_SAMPLES:g} is needed")
     padded = scipy.fft.next_fast_len(count + int(np.ceil(_TAIL / step)), real=True)
     omega = 2 * np.pi * scipy.fft.rfftfreq(padded, step)
     spectrum = scipy.fft.rfft(signal, padded) * iso2631_weighting(omega, weighting)

@@ -11,9 +11,11 @@ from scipy.signal import lfilter
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
-from susp_ctrl.errors import InputError
+from susp_ctrl.errors import InputError, TooMuchWorkError
 from susp_ctrl.road.iso8608 import REFERENCE_WAVENUMBER, class_and_level
 from susp_ctrl.road.road_signals import RoadSignal, SpectralRoad
+
+_MOST_CELLS = 1e8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +77,11 @@ class FilteredNoiseRoad(SpectralRoad):
         iso_class, level = class_and_level(self.iso_class, self.g_d)
         self._keep(iso_class=iso_class, density_at_n0=level)
         # two samples more at either end keep the spline's end conditions off the road that is used
+        cells = (self.lead + self.length) / self.step
+        if not cells <= _MOST_CELLS:
+            raise TooMuchWorkError(
+                f"lead, length and step give {cells:.3g} steps: at most {_MOST_CELLS:g} are allowed"
+            )
         behind, ahead = (int(np.ceil(reach / self.step)) + 2 for reach in (self.lead, self.length))
         noise = validation.random_generator(self.seed).standard_normal(behind + ahead + 1)
         memory = np.exp(-2 * np.pi * self.n_cut * self.step)

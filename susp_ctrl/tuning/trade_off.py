@@ -91,7 +91,7 @@ def pareto_front(
     """
     if not isinstance(problem, TuningProblem):
         raise InputError(f"problem is a {type(problem).__name__}: a TuningProblem is needed")
-    number = validation.integer("points", points, at_least=2)
+    number = validation.integer("points", points, at_least=2, at_most=1000)
     other = problem.replace(objective=against)
     search = {"particles": particles, "iterations": iterations, "seed": seed} | settings
     first, last = tune(problem, **search), tune(other, **search)

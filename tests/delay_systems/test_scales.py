@@ -190,3 +190,26 @@ def test_scaled_row_sums_bound_the_spectral_radius(matrix):
     largest = scaled_row_sums(X).max()
     radius = np.abs(np.linalg.eigvals(X[0])).max()
     assert radius * (1 - 1e-12) <= largest <= radius * (1 + 1e-6) + 1e-5
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("weight", [-1e-310, 5e-324, 1e-200, -1e-100, 1e-30])
+def test_feedback_that_is_next_to_nothing_changes_nothing_and_ends(weight):
+    """x' = -x + w x(t - 1): the root -1 to rounding, whatever is asked."""
+    loop = sc.DelayLTI.from_state_delays([[[-1.0]], [[weight]]], [1.0], B=[[1.0]], C=[[1.0]])
+    verdict = sc.stability(loop)
+    assert verdict.stable
+    assert verdict.abscissa == pytest.approx(-1.0, rel=1e-12)
+    assert sc.sweep_delays(loop).delay_margin == np.inf
+    assert sc.h2_norm(loop) == pytest.approx(np.sqrt(0.5), rel=1e-9)
+    assert sc.characteristic_roots(loop, 1) == pytest.approx([-1.0])
+
+
+def test_delays_below_the_range_of_products_are_refused():
+    for make in (
+        lambda: sc.delay(5e-324),
+        lambda: sc.delay([1.0, 1e-40]),
+        lambda: sc.FeedbackChannel(0, 0, 1.0, 1e-31),
+    ):
+        with pytest.raises(sc.InputError, match="zero or at least 1e-30 is needed"):
+            make()

@@ -90,6 +90,7 @@ def sweep_delays(
     d = _per_delay("direction", 1.0 if direction is None else direction, n)
     s = validation.delays("start", _per_delay("start", 0.0 if start is None else start, n))
     end = validation.number("up_to", up_to, at_least=SHORTEST_SWEEP, at_most=validation.LONGEST_DELAY)
+    validation.delays("up_to * direction", np.abs(end * d))
     if n and not np.any(d):
         raise InputError("direction is zero: at least one delay has to grow")
     if np.any(s + end * d < -1e-15):
@@ -102,7 +103,7 @@ def sweep_delays(
 
 
 def _per_delay(name: str, value: ArrayLike, n: int) -> FloatArray:
-    return np.full(n, validation.number(name, value)) if np.ndim(value) == 0 else (
+    return np.full(n, validation.number(name, value)) if validation.is_scalar(value) else (
         validation.vector(name, value, size=n) if n or np.size(value) else np.zeros(0)
     )  # fmt: skip
 

@@ -215,7 +215,7 @@ def as_inputs(
             parts.append(Part(label, rows, value, lines, None, kinks, band))
             _check_lines(parts[-1], timepts)
             continue
-        if np.ndim(value) == 0:
+        if validation.is_scalar(value):
             constant = validation.number(label, value)
             line = (np.zeros(1), np.array([constant]), np.array([0.5 * np.pi])) if len(rows) == 1 else None
             parts.append(Part(label, rows, partial(_constant, constant), line))

@@ -223,7 +223,7 @@ class CharacteristicMatrix:
         beyond, within = largest, 0.0
         # to a tenth; the bound is monotone in the radius
         while beyond > 1.1 * within and beyond > 1e-12 * largest:
-            radius = np.sqrt(beyond * within) if within > 0.0 else 0.03 * beyond
+            radius = np.sqrt(beyond) * np.sqrt(within) if within > 0.0 else 0.03 * beyond
             distance = distance_to_far_right(poles, radius)
             clear = bool(np.all(distance > 0.0))
             if clear:

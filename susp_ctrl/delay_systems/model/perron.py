@@ -46,12 +46,17 @@ def scaled_row_sums(X: FloatArray) -> FloatArray:
     return (X @ x[..., None])[..., 0] / x
 
 
+# A bound that is not zero is at least this: below, products leave the range of numbers.
+_LEAST = 1e-290
+
+
 def certified_radius(M: FloatArray) -> float:
     """Return a number not below the spectral radius of a non-negative matrix, within about one percent of it."""
     n = M.shape[0]
     candidate = 1.01 * float(np.max(np.abs(np.linalg.eigvals(M)))) + 1e-6 * float(np.linalg.norm(M) / n)
     if candidate == 0.0:
         return 0.0
+    candidate = max(candidate, _LEAST)
     while True:
         # x > 0 with M x < candidate x certifies the bound (Collatz and Wielandt)
         x = np.linalg.solve(candidate * np.eye(n) - M, np.ones(n))

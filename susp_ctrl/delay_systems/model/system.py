@@ -372,7 +372,7 @@ class DelaySystem(LTI):
             return NotImplemented
         if other == 0:
             raise InputError("division of a system by zero is not allowed")
-        return self * (1.0 / float(other))
+        return self * (1.0 / validation.number("divisor", other))
 
     def __getitem__(self, key: Any) -> Self:
         return arithmetic.selected(self, key)

@@ -97,7 +97,7 @@ class ModalLoop:
                 outer *= 2.0
             within, beyond = 0.0, outer
             while beyond > 1.1 * within and beyond > 1e-12 * outer:
-                radius = np.sqrt(beyond * within) if within > 0.0 else 0.03 * beyond
+                radius = np.sqrt(beyond) * np.sqrt(within) if within > 0.0 else 0.03 * beyond
                 within, beyond = (within, radius) if self._small_beyond(radius) else (radius, beyond)
             return beyond
         return 0.0

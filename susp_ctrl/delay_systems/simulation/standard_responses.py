@@ -96,7 +96,7 @@ def default_times(sys: DelaySystem) -> FloatArray:
 def _times(sys: DelaySystem, timepts: ArrayLike | None) -> FloatArray:
     if timepts is None:
         return default_times(sys)
-    if np.ndim(timepts) == 0:
+    if validation.is_scalar(timepts):
         return np.linspace(0.0, validation.number("timepts", timepts, above=0.0), 1000)
     return validation.increasing("timepts", timepts, at_least=0.0)
 

@@ -53,6 +53,8 @@ from susp_ctrl.delay_systems.simulation.simulation_response import (
 from susp_ctrl.errors import InputError
 
 _METHODS = ("exact", "pade", "spectral")
+SHORTEST_RUN = 1e-15
+"""Least end of a run (s)."""
 # The marches from rest, the fastest first.
 FROM_REST = (sampled_march, kinked_march)
 _TOGETHER = 16  # cases taken through the same cells at once: more gain nothing and need memory
@@ -274,6 +276,12 @@ def _checked_times(timepts: ArrayLike, hold: str, resolution: float | None, rtol
     validation.one_of("hold", hold, ("linear", "zero"))
     validation.number("rtol", rtol, at_least=1e-13, at_most=1e-2)
     times = validation.increasing("timepts", timepts, at_least=0.0)
+    last = float(times[-1])
+    if last and not SHORTEST_RUN <= last <= validation.LONGEST_DELAY:
+        raise InputError(
+            f"timepts[-1] = {last:g} is not allowed: zero, or from {SHORTEST_RUN:g} to "
+            f"{validation.LONGEST_DELAY:g} s is needed"
+        )
     if resolution is not None:
         validation.number("resolution", resolution, at_least=1e-6 * float(times[-1]), above=0.0)
     return times
