@@ -2,7 +2,8 @@ r"""Tables as CSV files that a spreadsheet shows and does not execute.
 
 A spreadsheet takes a text that begins with ``=``, ``+``, ``-``, ``@``, a tab or a line break for a formula. Such a text
 (a label, a message) is written with an apostrophe before it, which a spreadsheet takes for "this is text"; so is one
-that has apostrophes before such a beginning, so that `plain_text` restores every text. Numbers are as they are.
+that has apostrophes before such a beginning, so that `plain_text` restores every text. Numbers are as they are, and so
+is a dash alone, the unit of what has none.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 
 import pandas as pd
 
-_FORMULA = re.compile(r"'*[=@+\-\t\r\n\uff1d\uff20\uff0b\uff0d]")  # the last four as wide characters
+_FORMULA = re.compile(r"(?!-$)'*[=@+\-\t\r\n\uff1d\uff20\uff0b\uff0d]")  # the last four as wide characters
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(inf|nan)")
 
 

@@ -164,7 +164,7 @@ def _errors_in_time(
     """Simulate every order; a run that leaves all bounds has an infinite error."""
     road = build_road(case.road, bench.speed)
     every = round(case.report_step / case.step)
-    exact = record(bench, key, case, road, every=every)
+    exact = record(bench, key, case, road, every=every, indexed=False)
     row = case.outputs.index(_SHOWN) if _SHOWN in case.outputs else 0
     peak = np.abs(exact.outputs[row]).max()
     in_time: list[float] = []
@@ -172,7 +172,7 @@ def _errors_in_time(
     for n, order in enumerate(settings.orders):
         # Orders that are too low are the subject of the table.
         with warnings.catch_warnings(action="ignore", category=PadeOrderWarning):
-            found = record(bench, key, case, road, order, every=every)
+            found = record(bench, key, case, road, order, every=every, indexed=False)
         error = np.abs(found.outputs[row] - exact.outputs[row]).max() / peak
         in_time.append(float(error) if np.isfinite(error) else np.inf)
         relative = np.abs(found.rms / exact.rms - 1).to_numpy(dtype=float)

@@ -112,28 +112,37 @@ class Record:
 
 
 def record(
-    bench: Workbench, key: str, settings: TimeSettings, road: Any, order: int | None = None, *, every: int = 1
+    bench: Workbench,
+    key: str,
+    settings: TimeSettings,
+    road: Any,
+    order: int | None = None,
+    *,
+    every: int = 1,
+    indexed: bool = True,
 ) -> Record:
     """Simulate one design on the road of a case: exact delays, or Padé of the order given.
 
     The run begins at rest when the front wheel meets the road; the record begins `lead_in` later and takes every
-    `every`-th instant. An unstable loop may leave the range of numbers: the record is nan then.
+    `every`-th instant; ride indices are computed where `indexed`. An unstable loop may leave the range of numbers: the
+    record is nan then.
     """
     times = record_times(settings.duration, settings.step)[::every]
     method: dict[str, Any] = {} if order is None else {"method": "pade", "order": order}
     at: Callable[[FloatArray], FloatArray] | None = None
+    indices = pd.DataFrame(columns=["indicator", "value", "unit"])
     try:
         response = simulate(bench.loop(key), settings.lead_in + times, road.inputs(bench.lags), **method)
         rows = [response.output_labels.index(name) for name in settings.outputs]
         values = np.asarray(response.y)[rows]
         if not np.all(np.isfinite(values)):
             raise OverflowError
-        indices = ride_indices(response, settings.skip, vehicle=bench.study.vehicle)
+        if indexed:
+            indices = ride_indices(response, settings.skip, vehicle=bench.study.vehicle)
         latest = float(response.time[-1])
         at = lambda t: np.asarray(response.at(np.minimum(settings.lead_in + t, latest)).y)[rows]  # noqa: E731
     except OverflowError:
         values = np.full((len(settings.outputs), times.size), np.nan)
-        indices = pd.DataFrame(columns=["indicator", "value", "unit"])
     return Record(values, _rms(times, values, settings), indices, at)
 
 
