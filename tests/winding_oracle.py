@@ -43,7 +43,7 @@ def unstable_roots(A, delays):
     # beyond the top det K behaves as s^n; its phase there differs from n pi/2 by less than a quarter turn
     outer = np.angle(phase[-1] / 1j**n)
     turns = 0.5 * n + (outer - along) / np.pi
-    if abs(turns - round(turns)) > 1e-6:
+    if not abs(turns - np.rint(turns)) < 1e-6:
         raise ArithmeticError(f"{turns} roots")
     return round(turns)
 

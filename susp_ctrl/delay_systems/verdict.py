@@ -161,7 +161,8 @@ def _decide(system: DelaySystem) -> StabilityVerdict:
     for radius in _resolved(K):
         found = roots_near_axis(K, 8, radius)
         on_axis = _on_axis(found)
-        if np.any(on_axis):
+        # a certified count leaves no root on the axis: then only bounds on the roots of a cluster are too wide
+        if np.any(on_axis) and counted is None:
             return _with_roots_on_axis(K, found, on_axis, agreement)
         agreement[ROOTS] = int(np.sum(found.roots.real > 0.0))
         answers = {n for n in agreement.values() if n is not None}

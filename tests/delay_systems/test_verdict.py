@@ -266,3 +266,12 @@ def test_the_sweep_abstains_when_its_work_is_spent(monkeypatch):
     assert abstained.agreement["sweep"] is None
     assert "sweep cannot tell" in abstained.reason
     assert abstained.unstable_roots == answered.unstable_roots
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("order", [6, 7, 10, 12])
+def test_a_root_of_high_multiplicity_far_from_the_axis_is_decided(order):
+    """(s + 1)^m: rounding spreads the root, and a certified count says that it is not on the axis."""
+    verdict = sc.stability(control.tf([1.0], np.poly([-1.0] * order)))
+    assert verdict.stable
+    assert verdict.abscissa == pytest.approx(-1.0, abs=0.02)

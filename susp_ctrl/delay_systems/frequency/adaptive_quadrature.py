@@ -104,7 +104,9 @@ def integrate(
         fine, error = (values @ kronrod) * half, np.abs(values @ (kronrod - gauss)) * half
         total = np.asarray(done + fine.sum(axis=-1))
         # the rule's own error is far below the difference of the two rules, which serves as a safe estimate
-        allowed = relative * np.maximum(np.abs(total), scale)[..., None] * (half / (0.5 * (high - low)))
+        # by the share of the band, but a narrow peak need not be better than all the others together
+        share = np.maximum(half / (0.5 * (high - low)), 0.1 / a.size)
+        allowed = 0.5 * relative * np.maximum(np.abs(total), scale)[..., None] * share
         rough = error > np.maximum(allowed, 1e-15 * np.abs(fine))
         bad = np.any(rough.reshape(-1, a.size), axis=0)
         size = np.maximum(np.abs(total), scale)

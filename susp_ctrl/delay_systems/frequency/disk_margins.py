@@ -89,8 +89,7 @@ def disk_margin(sys: Any, skew: float = 0.0) -> DiskMargin:
     S = arithmetic.closed_around(DelaySystem.of(one), loop, -1.0)
     norm, omega = hinf_norm(arithmetic.add(S, DelaySystem.of(0.5 * (sigma - 1.0) * one)))
     alpha = 1.0 / norm if norm > 0.0 else np.inf
-    gain_range = _gain_range(alpha, sigma)
-    return DiskMargin(alpha, gain_range, _phase_margin(*gain_range), omega)
+    return DiskMargin(alpha, _gain_range(alpha, sigma), _phase_margin(alpha, sigma), omega)
 
 
 def _gain_range(alpha: float, skew: float) -> tuple[float, float]:
@@ -102,9 +101,13 @@ def _gain_range(alpha: float, skew: float) -> tuple[float, float]:
     return max(low, 0.0), (1.0 + up) / (1.0 - down) if down < 1.0 else np.inf
 
 
-def _phase_margin(low: float, high: float) -> float:
-    """Return the angle at which the unit circle leaves the disk between two real factors."""
-    if high == np.inf:
-        return float(np.arccos(low)) if low > 0.0 else (np.inf if low < 0.0 else 0.5 * np.pi)
-    cosine = (1.0 + low * high) / (low + high)
-    return float(np.arccos(cosine)) if cosine <= 1.0 else np.inf
+def _phase_margin(alpha: float, skew: float) -> float:
+    r"""Return the angle up to which ``e^{j phi}`` stays in the disk, infinite if all of the unit circle does.
+
+    The disk is :math:`|f - 1| < \alpha\,|(1 - \sigma)/2 + (1 + \sigma)f/2|`, on the unit circle
+    :math:`(4/\alpha^2 + 1 - \sigma^2) \sin^2(\varphi/2) < 1`.
+    """
+    if alpha == 0.0:
+        return 0.0
+    weight = (2.0 / alpha) ** 2 + 1.0 - skew**2
+    return 2.0 * float(np.arcsin(np.sqrt(1.0 / weight))) if weight > 1.0 else np.inf

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model import FoldedLoop, balancing, direct_paths, inverses
+from susp_ctrl.delay_systems.model import FoldedLoop, balancing, direct_paths, inverses, perron_bound
 
 
 class LocalResponse(NamedTuple):
@@ -70,9 +70,9 @@ def local_response(loop: FoldedLoop, omega: FloatArray, half: FloatArray) -> Loc
     )
     missed = steps**2 * (second_input + second @ np.abs(v) + first @ np.abs(dv))
     contraction = reach @ first * steps
-    # (I - contraction)^-1 is a sum of non-negative powers where the norm is below one half
-    norm = contraction.sum(axis=2).max(axis=1) if size else np.zeros(omega.size)
-    certain = norm < 0.5
+    # (I - contraction)^-1 is a sum of non-negative powers where the spectral radius is below one half; unlike a norm
+    # that does not depend on the units of states, signals and time
+    certain = perron_bound(contraction) < 0.5 if size else np.ones(omega.size, dtype=bool)
     remainder = np.full(omega.size, np.inf)
     if np.any(certain):
         inverse = np.linalg.inv(np.eye(size) - contraction[certain])

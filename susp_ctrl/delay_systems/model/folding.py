@@ -11,8 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.lft import Realization, closed
+from susp_ctrl.delay_systems.model.lft import Realization, closed, loop_response
 from susp_ctrl.errors import InputError
+
+# Points of the circle on which a limit is taken, and the share that terms of a pole may have there by rounding.
+_CIRCLE = 16
+_NO_POLE = 1e-9
 
 
 class FoldedLoop(NamedTuple):
@@ -55,6 +59,37 @@ def fold(plant: Realization, gains: FloatArray, delays: FloatArray) -> FoldedLoo
             )
         folded = closed(folded, whole[np.ix_(rows, ends)], whole[np.ix_(starts, columns)], around)
     return FoldedLoop(plant.rebuilt(folded), delays[kept])
+
+
+def response_at(loop: FoldedLoop, s: ComplexArray) -> ComplexArray:
+    """Return the response at points s, shape (points, outputs, inputs), with its limit where a pole cancels.
+
+    An integrator before ``1 - e^{-s tau}`` has no pole: its matrix is singular at zero, its response is not.
+    """
+    values = loop_response(loop.plant, s, loop.exponentials(s))
+    for k in np.flatnonzero(~np.isfinite(values).all(axis=(1, 2))):
+        limit = _limit(loop, s[k])
+        values[k] = values[k] if limit is None else limit
+    real = (s.imag == 0.0)[:, None, None] & np.isfinite(values)
+    return np.where(real, values.real, values) if np.any(real) else values
+
+
+def _limit(loop: FoldedLoop, at: complex) -> ComplexArray | None:
+    """Return the mean over a small circle if Laurent's coefficients there show no pole, by Cauchy's formula."""
+    away = np.abs(loop.plant.eigenvalues - at)
+    turns = 1.0 / loop.delays.max() if loop.delays.size else np.inf
+    radius = 1e-3 * float(min(np.min(away[away > 1e-6 * away.max(initial=0.0)], initial=np.inf), turns))
+    if not 0.0 < radius < np.inf:
+        return None
+    circle = radius * np.exp(2j * np.pi * (np.arange(_CIRCLE) + 0.5) / _CIRCLE)
+    values = loop_response(loop.plant, at + circle, loop.exponentials(at + circle))
+    size = np.abs(values).max(axis=0)
+    orders = (circle / radius) ** np.arange(1, _CIRCLE // 2)[:, None]
+    principal = np.abs(np.tensordot(orders, values, axes=1)) / _CIRCLE
+    if not np.all(np.isfinite(values)) or np.any(principal > _NO_POLE * size):
+        return None
+    mean: ComplexArray = values.mean(axis=0)
+    return mean
 
 
 def direct_paths(D22: FloatArray) -> FloatArray:

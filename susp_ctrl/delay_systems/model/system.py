@@ -30,8 +30,8 @@ from numpy.typing import ArrayLike
 from susp_ctrl import validation
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model import arithmetic
-from susp_ctrl.delay_systems.model.folding import FoldedLoop, fold
-from susp_ctrl.delay_systems.model.lft import Realization, loop_response
+from susp_ctrl.delay_systems.model.folding import FoldedLoop, fold, response_at
+from susp_ctrl.delay_systems.model.lft import Realization
 from susp_ctrl.delay_systems.model.loop_signals import refuse_neutral
 from susp_ctrl.delay_systems.model.realizations import (
     checked_state_delays,
@@ -321,8 +321,7 @@ class DelaySystem(LTI):
         points = np.atleast_1d(validation.complex_array("x", x))
         if points.ndim > 1:
             raise InputError(f"x has shape {points.shape}: a point or a sequence of points is needed")
-        loop = self.folded
-        values = np.moveaxis(loop_response(loop.plant, points, loop.exponentials(points)), 0, -1)
+        values = np.moveaxis(response_at(self.folded, points), 0, -1)
         if np.ndim(x) == 0:
             values = values[..., 0]
         setting = (

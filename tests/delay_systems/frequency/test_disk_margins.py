@@ -99,3 +99,22 @@ def test_a_band_is_no_proof_and_bad_arguments_are_named():
         two_channels()[0, :].disk_margin()
     with pytest.raises(sc.UnstableSystemError):
         sc.disk_margin(0.5 / (s - 1))
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize(
+    ("gain", "expected"), [(0.5, 2.0 * np.arctan(3.0)), (3.0, 2.0 * np.arctan(2.0)), (1.0, np.inf)]
+)
+def test_angles_beyond_a_right_angle(gain, expected):
+    """L = k: (S - T)/2 = (1 - k)/(1 + k)/2, and the angle 2 atan(alpha/2) also where the disk holds a half plane."""
+    assert sc.disk_margin(ct.tf([gain], [1.0])).phase_margin == pytest.approx(expected)
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("T", [1e-9, 1e-5, 1.0, 1e6])
+def test_norms_do_not_depend_on_the_unit_of_time(T):
+    lag = sc.delay(T) * ct.tf([1.0], [T, 1.0])
+    assert sc.hinf_norm(lag)[0] == pytest.approx(1.0, rel=1e-8)
+    norm, omega = sc.hinf_norm(sc.feedback(1, sc.delay(T) * ct.tf([1.0], [T, 0.0])))
+    assert norm == pytest.approx(3.12931160049, rel=1e-9)
+    assert omega * T == pytest.approx(1.38238669, rel=1e-6)

@@ -286,3 +286,21 @@ def test_the_h2_norm_asks_once_where_the_peaks_are(monkeypatch):
     loop = sc.DelayLTI.from_state_delays(A=A, delays=[0.5], B=[[1.0], [0.0]])
     assert sc.h2_norm(loop) > 0.0
     assert len(asked) == 1
+
+
+@pytest.mark.analytical
+def test_the_h2_norm_keeps_its_tolerance_beside_narrow_peaks_and_oscillating_tails():
+    """Closed forms: sqrt(1/4 zeta), and the inner products of e^{-at} and a delayed e^{-t}."""
+    for zeta in (1e-2, 1e-4, 1e-5, 1e-6):
+        resonance = ct.tf([1.0], [1.0, 2.0 * zeta, 1.0])
+        assert sc.h2_norm(sc.delay(0.1) * resonance) == pytest.approx(np.sqrt(0.25 / zeta), rel=1e-9)
+    for a in (1e-3, 0.1, 2.0):
+        both = ct.tf([1.0], [1.0, a]) + sc.delay(1.0) * ct.tf([1.0], [1.0, 1.0])
+        expected = np.sqrt(0.5 / a + 0.5 + 2.0 * np.exp(-a) / (1.0 + a))
+        assert sc.h2_norm(both) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_norm_that_would_take_too_long_says_so():
+    slow_and_fast = ct.tf([1.0], [1e-6, 1.0]) + sc.delay(1.0) * ct.tf([1.0], [1.0, 1.0])
+    with pytest.raises(sc.TooMuchWorkError, match="a larger tolerance is needed"):
+        sc.h2_norm(slow_and_fast)

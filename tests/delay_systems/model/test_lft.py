@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import control
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import susp_ctrl as sc
 from susp_ctrl.delay_systems.model.lft import (
     Realization,
     lft_response,
@@ -70,3 +72,18 @@ def test_response_and_determinant_of_a_whole_swarm_equal_the_definition(seed: in
             expected = blocks.p11[k] + blocks.p12[k] @ np.diag(E[i, k]) @ np.linalg.solve(loop, blocks.p21[k])
             np.testing.assert_allclose(response[i, k], expected, rtol=1e-8, atol=1e-9)
             np.testing.assert_allclose(determinant[i, k], np.linalg.det(loop), rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.analytical
+def test_a_pole_that_cancels_leaves_the_limit():
+    """(1 - e^{-2s})/s is 2 at zero, its square over s^2 is 4; 1/s and e^{-s}/s are infinite there."""
+    integrator = control.tf([1.0], [1.0, 0.0])
+    average = (1 - sc.delay(2.0)) * integrator
+    assert average.dcgain() == pytest.approx(2.0)
+    assert (average * average).dcgain() == pytest.approx(4.0)
+    assert average(np.array([0.0, 1e-9j]))[0] == pytest.approx(2.0)
+    assert sc.feedback(2 * (1 - sc.delay(1.0)) * integrator, 1).dcgain() == pytest.approx(2.0 / 3.0)
+    assert sc.feedback(integrator, integrator).dcgain() == pytest.approx(0.0, abs=1e-30)
+    assert np.isinf(sc.DelayLTI.of(integrator).dcgain())
+    assert np.isinf((sc.delay(1.0) * integrator).dcgain())
+    assert np.isinf((1 + 1e-3 * sc.delay(1.0) * integrator).dcgain())
