@@ -63,9 +63,16 @@ def main() -> None:
         os.environ.setdefault(variable, "1")
     catch_signals()
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
     except Terminated as stopped:  # before a command began or after it ended
         sys.exit(stopped.status)
+    except OSError as error:  # what is printed has no place to go
+        say(error.strerror or error)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
 
 
 @app.callback(invoke_without_command=True)

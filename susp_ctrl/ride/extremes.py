@@ -3,6 +3,7 @@
 The largest sample of a signal of frequency omega falls short of its peak by up to ``(omega h)^2/8`` of it, h the
 sampling step: 6 % at nine samples a period. A simulated response can be computed at any times, so it is asked again
 around each sample that may stand next to the largest value, `_FINER` times as densely, and a parabola does the rest.
+Where much is gained so, the samples were too far apart to trust, and the whole record is computed more densely.
 """
 
 from __future__ import annotations
@@ -16,6 +17,10 @@ from susp_ctrl.arrays import FloatArray
 _FINER = 16
 _CANDIDATES = 8  # local maxima that are looked at
 _NEARLY = 0.02  # part of the range by which a local maximum of the samples may be below the largest
+_COARSE = (
+    3e-3  # of the range that may be gained between samples before the whole record is computed more densely
+)
+_DENSER, _MOST_TIMES = 4, 400_000
 _MOST_GAIN = 1e-3  # of the range that a parabola may add: a larger one spans a jump
 
 Signals = Mapping[str, FloatArray]
@@ -42,10 +47,17 @@ def extremes(
     times = np.unique(np.concatenate(around))
     if times.size == 0:
         return found
+    coarse = False
     for name, values in evaluate(times).items():
         low, high = found[name]
         gain = _MOST_GAIN * (high - low)
         found[name] = min(low, -_top(times, -values, gain)), max(high, _top(times, values, gain))
+        coarse |= max(low - found[name][0], found[name][1] - high) > _COARSE * (high - low)
+    if coarse and t.size * _DENSER <= _MOST_TIMES:
+        # samples so far apart may have passed over the largest value altogether
+        share = np.arange(_DENSER) / _DENSER
+        dense = np.append((t[:-1, None] + np.diff(t)[:, None] * share).ravel(), t[-1])
+        return extremes(dense, evaluate(dense), evaluate)
     return found
 
 

@@ -41,3 +41,19 @@ def test_largest_value_of_a_wave_and_of_a_jump():
     low, high = extremes(t, step(t), step)["step"]
     assert low == 0.0
     assert 0.9695 < high <= 0.97  # no parabola over the jump
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("step", [0.1, 0.05, 0.01])
+def test_peaks_of_coarse_records_are_those_of_dense_ones(step):
+    """Signals of up to 10 Hz, sampled up to twice a period: against the same record every 0.5 ms."""
+    car = sc.HalfCar()
+    channel = sc.FeedbackChannel("unsprung_displacement_front", "force_front", 19345.0, 0.5530)
+    inputs = sc.RandomRoad(speed=20.0, seed=1).inputs({"road_front": 0.0, "road_rear": car.axle_lag(20.0)})
+    loop = sc.close_loop(car.plant(), channel)
+    coarse = sc.simulate(loop, np.arange(0.0, 4.0 + step / 2, step), inputs)
+    found = sc.ride_indices(coarse).set_index("indicator")["value"]
+    dense = coarse.at(np.arange(0.0, 4.0, 5e-4))
+    for name in ("body_acceleration", "pitch_acceleration", "tire_deflection_front", "tire_deflection_rear"):
+        largest = np.abs(dense.y[list(dense.output_labels).index(name)]).max()
+        assert found[f"{name}_peak"] == pytest.approx(largest, rel=2e-3)

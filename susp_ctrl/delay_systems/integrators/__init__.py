@@ -7,5 +7,11 @@ from susp_ctrl.delay_systems.integrators.input_signals import (
     as_inputs,
     looking_times,
 )
-from susp_ctrl.delay_systems.integrators.trajectory import Past, Run, side_by_side, superposed
+from susp_ctrl.delay_systems.integrators.trajectory import (
+    Past,
+    Run,
+    side_by_side,
+    superposed,
+    with_last_instant,
+)
 from susp_ctrl.delay_systems.integrators.uniform_march import TooCoarseError

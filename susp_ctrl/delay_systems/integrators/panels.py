@@ -69,6 +69,7 @@ def ends(g: CellGroup, rule: GaussRule) -> tuple[FloatArray, Places]:
     """Return times just inside the ends of all cells: a jump there lies before the first or after the last node."""
     count = g.starts.size
     inside = np.maximum(_INSIDE * g.length, 32.0 * np.finfo(float).eps * np.abs(g.starts))
+    inside = np.minimum(inside, 0.5 * g.length)
     times = np.stack([g.starts + inside, g.starts + (g.length - inside)], axis=1).ravel()
     cells = np.repeat(np.arange(count), 2)
     point = 2.0 * (times - g.starts[cells]) / g.length - 1.0

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.integrators.cells import GaussRule
+from susp_ctrl.delay_systems.integrators.input_signals import Inputs
+from susp_ctrl.delay_systems.model import FoldedLoop
+
+# Share of an output's peak above which it jumps.
+_JUMP = 1e-7
 
 
 @dataclass(frozen=True)
@@ -92,6 +97,28 @@ class Run:
     def relative_error(self) -> FloatArray:
         """Error beyond rounding relative to each output's peak, shape (outputs, cases); zero for a zero output."""
         return np.maximum(self.error - self.rounding, 0.0) / np.maximum(self.peak, np.finfo(float).tiny)
+
+
+def with_last_instant(loop: FoldedLoop, inputs: Sequence[Inputs], run: Run, end: float) -> Run:
+    """Return a run whose last outputs are those after a jump at the last instant, as everywhere else.
+
+    The cell that ends there knows the inputs before it: ``y = C x + D u + D_12 w`` with what holds from then on.
+    Outputs that do not jump stay as they were marched.
+    """
+    plant, tau = loop
+    past = run.past
+    if tau.size and past.delayed is None and np.any(plant.D12):
+        return run
+    u = np.stack([one.at(np.array([end]))[:, 0] for one in inputs], axis=-1)
+    y = plant.C1 @ run.states[:, -1] + plant.D11 @ u
+    if past.delayed is not None and np.any(plant.D12):
+        y = y + plant.D12 @ np.stack([past.delayed(np.array([end - d]))[k, 0] for k, d in enumerate(tau)])
+    jumps = np.abs(y - run.outputs[:, -1]) > np.maximum(_JUMP * run.peak, 1e3 * (run.error + run.rounding))
+    if not np.any(jumps):
+        return run
+    outputs = run.outputs.copy()
+    outputs[:, -1] = np.where(jumps, y, outputs[:, -1])
+    return replace(run, outputs=outputs, peak=np.maximum(run.peak, np.abs(outputs[:, -1])))
 
 
 def superposed(one: Run, other: Run) -> Run:

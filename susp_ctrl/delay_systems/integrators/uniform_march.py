@@ -205,7 +205,8 @@ class UniformMarch(ABC):
         def delayed(times: FloatArray) -> FloatArray:
             place = (times - start) / length
             cell = np.clip(np.floor(place).astype(int), first, over - 1)
-            values = np.einsum("an,knac->kac", rule.rows(2.0 * (place - cell) - 1.0), z[:, :, cell - first])
+            point = 2.0 * (np.clip(place, first, over) - cell) - 1.0
+            values = np.einsum("an,knac->kac", rule.rows(point), z[:, :, cell - first])
             values[:, place < 0.0] = 0.0
             return values
 

@@ -24,7 +24,8 @@ class SimulationResponse(control.TimeResponseData):
     Attributes
     ----------
     error_estimate : ndarray, shape (n_outputs,)
-        Estimated largest error of each output, absolute.
+        Estimated largest error of each output, absolute; for the approximate methods that of simulating the
+        approximation, which does not know how far it is from the exact delays.
     method : str
         Method that made it.
     order : int or sequence of int or None

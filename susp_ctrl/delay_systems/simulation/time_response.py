@@ -42,6 +42,7 @@ from susp_ctrl.delay_systems.integrators import (
     sampled_march,
     side_by_side,
     superposed,
+    with_last_instant,
 )
 from susp_ctrl.delay_systems.model import DelaySystem, FoldedLoop
 from susp_ctrl.delay_systems.simulation.history import past_of
@@ -249,7 +250,13 @@ def simulate_many(
 def _march(
     system: DelaySystem, inputs: Sequence[Inputs], past: Past, rtol: float
 ) -> Callable[[FloatArray], Run]:
-    return lambda timepts: _run_exact(system.folded, inputs, timepts, past, rtol)
+    loop = system.folded
+
+    def march(timepts: FloatArray) -> Run:
+        run = _run_exact(loop, inputs, timepts, past, rtol)
+        return with_last_instant(loop, inputs, run, float(timepts[-1]))
+
+    return march
 
 
 def _run_exact(

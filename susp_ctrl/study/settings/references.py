@@ -86,6 +86,7 @@ def check_sweep(sweep: SweepSettings, study: StudySettings, outputs: Sequence[st
     for design in sweep.designs:
         if design not in designs:
             raise SettingError("sweep.designs", design, f"no such design, {nearest(design, designs)}")
+    _among("sweep.designs", sweep.designs, designs)
     if sweep.time is not None:
         _among("sweep.time", [sweep.time], [case.key for case in study.time])
     _check_weights("sweep.weights", sweep.weights or {}, indicator_signals(outputs))
@@ -179,7 +180,12 @@ def _unique(place: str, keys: list[str]) -> list[str]:
 
 
 def _among(place: str, given: Iterable[str], allowed: Sequence[str]) -> None:
+    """Refuse what is not there, and what is named twice."""
+    seen: set[str] = set()
     for value in given:
         if value not in allowed:
             hint = nearest(value, allowed) if allowed else "there is none in this study"
             raise SettingError(place, value, hint)
+        if value in seen:
+            raise SettingError(place, value, "it stands there twice")
+        seen.add(value)

@@ -97,6 +97,8 @@ class StabilitySettings(Settings):
         for n, line in enumerate(self.lines, 1):
             if line not in ("equal", "ray") and not re.fullmatch(r"tau[1-9]\d*", line):
                 raise SettingError(f"lines[{n}]", line, nearest(line, ["equal", "ray", "tau1", "tau2"]))
+            if line in self.lines[: n - 1]:
+                raise SettingError(f"lines[{n}]", line, "it stands there twice")
 
 
 @dataclass(frozen=True)

@@ -135,3 +135,24 @@ def test_every_pair_is_there():
     cases = axes.pairs()
     for k in range(len(axes.AXES)):
         assert {case[k] for case in cases} == set(list(axes.AXES.values())[k])
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("method", ["exact", "pade"])
+@pytest.mark.parametrize("times", [[2.0], [0.0, 1.0, 2.0]])
+def test_a_jump_at_the_last_instant_is_seen_there(method, times):
+    """y = x + 10 u, u a step at t = 2: the last output is the one after the jump, whatever ends there."""
+    lag = sc.DelayLTI.from_state_delays([[[-1.0]], [[0.5]]], [0.3], [[1.0]], [[1.0]], [[10.0]])
+    step = {"sys": lag, "timepts": times, "method": method}
+    assert sc.simulate(**step, inputs=lambda t: 1.0 * (t >= 2.0)).y[0, -1] == pytest.approx(10.0)
+    assert sc.simulate(**step, inputs=lambda t: 1.0 * (t >= 2.0), breakpoints=[2.0]).y[
+        0, -1
+    ] == pytest.approx(10.0)
+
+
+def test_a_held_sample_at_the_end_and_a_delayed_jump_that_arrives_there():
+    held = np.array([0.0, 0.0, 500.0])
+    force = sc.simulate(sc.QuarterCar().plant(), [0.0, 0.1, 0.2], {"force": held}, hold="zero")
+    assert force.y[list(force.output_labels).index("actuator_force"), -1] == 500.0
+    late = sc.simulate(sc.delay(1.0), [0.0, 1.0, 2.0], np.array([0.0, 1.0, 1.0]), hold="zero")
+    assert late.y[0].tolist() == [0.0, 0.0, 1.0]

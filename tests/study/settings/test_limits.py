@@ -183,3 +183,17 @@ def test_a_crossing_at_no_frequency_is_refused():
     study = sc.load_study(MAIN)
     with pytest.raises(sc.InputError, match="crossings_rad_per_s"):
         study.with_changes({"audit.intervals[1].crossings_rad_per_s": ["0.0"]})
+
+
+@pytest.mark.parametrize(
+    ("study", "key", "value"),
+    [
+        (QUARTER, "time[bump].designs", ["prompt", "prompt"]),
+        (QUARTER, "stability.lines", ["equal", "equal"]),
+        (QUARTER, "frequency.outputs", ["body_acceleration", "body_acceleration"]),
+        (SWEEP, "sweep.designs", ["passive", "passive"]),
+    ],
+)
+def test_what_is_named_twice_is_refused(study, key, value):
+    with pytest.raises(sc.InputError, match="it stands there twice"):
+        sc.load_study(study).with_changes({key: value})
