@@ -213,6 +213,15 @@ def test_headlines_are_three_sentences(small_run):
     assert all(line.endswith(".") and "\n" not in line for line in small_run.headlines)
 
 
+def test_the_headline_of_a_random_road_is_not_that_of_one_record(small_run):
+    rms = small_run.time[1].rms
+    rows = rms[(rms["indicator"] == "body_acceleration") & (rms["design"] == "random_published")]
+    change = rows.set_index("method")["change_percent"]
+    line = small_run.headlines[1]
+    assert f"{change['stationary']:+.1f} %" in line.split("(in the record of 2 s ")[0]
+    assert f"{change['exact']:+.1f} %" in line.split("(in the record of 2 s ")[1]
+
+
 def test_provenance(small_run, small_study):
     provenance = small_run.provenance
     assert provenance.study_file == "wu_ren_2020.toml"

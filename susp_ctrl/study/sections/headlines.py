@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pandas as pd
 
 from susp_ctrl.delay_systems import VERDICT_WORDS
@@ -44,17 +45,27 @@ def _stability_line(stability: StabilitySection | None) -> str:
 
 
 def _effect_line(bench: Workbench, tuning: tuple[TuningRun, ...], time: tuple[TimeCase, ...]) -> str:
+    """Tell the change that each design brings: on a random road the stationary one, for a record is one of many."""
     parts = []
     for case in time:
-        exact = case.rms[(case.rms["method"] == "exact") & (case.rms["design"] != PASSIVE)]
+        active = case.rms[case.rms["design"] != PASSIVE]
+        exact = active[active["method"] == "exact"]
         if exact.empty:
             continue
-        first = exact[exact["indicator"] == exact["indicator"].iloc[0]]
+        indicator = exact["indicator"].iloc[0]
+        first = exact[exact["indicator"] == indicator]
+        lasting = active[(active["method"] == "stationary") & (active["indicator"] == indicator)]
+        expected = dict(zip(lasting["design"], lasting["change_percent"], strict=True))
         changes = ", ".join(
-            f"{bench.design(row.design).label} {change_text(row.change_percent)}"
+            f"{bench.design(row.design).label} {change_text(expected.get(row.design, row.change_percent))}"
             for row in first.itertuples()
         )
-        name = str(first["indicator"].iloc[0]).replace("_", " ")
+        if any(
+            abs(expected.get(row.design, np.nan) - row.change_percent) > 0.05 for row in first.itertuples()
+        ):
+            record = ", ".join(change_text(change) for change in first["change_percent"])
+            changes += f" (in the record of {case.timepts[-1] - case.timepts[0]:g} s {record})"
+        name = str(indicator).replace("_", " ")
         parts.append(f"{case.label}: {changes}")
         lead = f"RMS {name} against passive"
     if parts:
