@@ -16,6 +16,7 @@ from susp_ctrl.road.iso8608 import REFERENCE_WAVENUMBER, class_and_level
 from susp_ctrl.road.road_signals import RoadSignal, SpectralRoad
 
 _MOST_CELLS = 1e8
+_SLOWEST = 1e-9  # cycles per metre
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +75,8 @@ class FilteredNoiseRoad(SpectralRoad):
     def __post_init__(self) -> None:
         self._keep_positive("speed", "length", "step", "n_cut")
         self._keep(lead=validation.number("lead", self.lead, at_least=0.0))
+        validation.number("step", self.step, at_most=self.length)
+        validation.number("n_cut", self.n_cut, at_least=_SLOWEST, at_most=1.0 / _SLOWEST)
         iso_class, level = class_and_level(self.iso_class, self.g_d)
         self._keep(iso_class=iso_class, density_at_n0=level)
         # two samples more at either end keep the spline's end conditions off the road that is used
