@@ -172,7 +172,7 @@ def _branches(found: list[ComplexArray]) -> ComplexArray:
                 heading = np.where(np.isnan(paths[i - 2]), heading, 2.0 * heading - paths[i - 2])
             alive = np.flatnonzero(~np.isnan(heading))
             distance = np.abs(heading[alive, None] - roots)
-            reach = _NEAR * np.maximum(np.abs(roots), _spacing(roots))
+            reach = np.maximum(_NEAR * np.maximum(np.abs(roots), _spacing(roots)), 1e-300)
             branch, root = linear_sum_assignment(np.minimum(distance / reach, 1e3))
             joined = distance[branch, root] <= reach[root]
             paths[i, alive[branch[joined]]] = roots[root[joined]]

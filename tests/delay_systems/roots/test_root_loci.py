@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+
+import control
 import numpy as np
 import pytest
 import scipy.special
@@ -79,3 +82,11 @@ def test_printed_tabulated_and_drawn():
 def test_bad_input_is_named(parameter, values, words):
     with pytest.raises(InputError, match=words):
         sc.root_locus(system("x_prime_minus_x_delayed"), parameter, values)
+
+
+def test_a_root_at_zero_gives_no_warning():
+    """Without gain the integrator is open: its only root lies at zero."""
+    loop = sc.feedback(sc.delay(0.5) * control.tf([1.0], [1.0, 0.0]), 1)
+    with warnings.catch_warnings(action="error"):
+        locus = sc.root_locus(loop, "gain[0]", np.linspace(-2.0, 2.0, 11))
+    assert locus.roots.shape[0] == 11
