@@ -67,8 +67,11 @@ class GaussRule:
         self.truncation = vandermonde[:, : size - 2] @ self.to_coefficients[: size - 2]
 
     def rows(self, points: FloatArray) -> FloatArray:
-        """Rows that interpolate node values at points of [-1, 1], shape (*points.shape, N)."""
-        rows = points[..., None] - self.nodes
+        """Rows that interpolate node values at points of [-1, 1], shape (*points.shape, N).
+
+        A point that rounding puts outside is the end: seen from a cell of a few roundings it can be far away.
+        """
+        rows = np.clip(points, -1.0, 1.0)[..., None] - self.nodes
         # at a node its own weight outgrows all others and the row becomes that of the identity
         rows[rows == 0.0] = 1e-290
         np.divide(self._barycentric, rows, out=rows)

@@ -40,7 +40,9 @@ def suits(loop: FoldedLoop, inputs: Sequence[Inputs], timepts: FloatArray, start
         return False
     length, fastest = _length(timepts), plant.fastest
     uneven = float(np.max(np.abs(timepts - (start + length * np.arange(timepts.size)))))
-    allowed = max(_rounding(timepts, delays), 1e-2 * rtol / max(fastest, 1e-300))
+    # a sample that is late changes the input by the slope between samples, and the response by its own rate
+    shortest = min(length, 1.0 / fastest) if fastest > 0.0 else length
+    allowed = max(_rounding(timepts, delays), 1e-2 * rtol * shortest)
     return (
         uneven <= allowed
         and fastest * length <= FASTEST_DECAY

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 
+import control
 import control as ct
 import numpy as np
 import pytest
@@ -151,3 +152,18 @@ def test_response_at_other_times(method):
     np.testing.assert_allclose(between[0], np.interp([0.333, 1.2345], t, samples), rtol=1e-12)
     with pytest.raises(sc.InputError, match="timepts"):
         response.at([1.0, 2.5])
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("rtol", [1e-11, 1e-10, 1e-8])
+def test_an_output_time_on_a_kink_that_nobody_announces(rtol):
+    """x' = 0.9 x + |t - 1.1|: cells around the kink are some roundings long, and an output time lies there."""
+    t = np.array([1.0, 1.1, 1.2])
+    found = sc.simulate(control.ss(0.9, 1.0, 1.0, 0.0), t, lambda s: np.abs(s - 1.1), rtol=rtol)
+    known = sc.simulate(
+        control.ss(0.9, 1.0, 1.0, 0.0), t, lambda s: np.abs(s - 1.1), rtol=rtol, breakpoints=[1.1]
+    )
+    a = 0.9
+    before = ((a * 1.1 - 1.0) * np.exp(a * 1.1) + 1.0) / a**2  # int_0^1.1 e^{a(1.1-s)} (1.1-s) ds
+    for response in (found, known):
+        assert np.ravel(response.outputs)[1] == pytest.approx(before, rel=1e-8)

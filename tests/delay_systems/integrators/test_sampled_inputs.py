@@ -6,6 +6,7 @@ The same signal as a callable that announces its kinks goes through cells betwee
 from __future__ import annotations
 
 import collocation
+import control
 import numpy as np
 import pytest
 from half_car_loops import DELAYS, half_car_loop, relative
@@ -178,3 +179,17 @@ def test_more_samples_than_a_hundred_on_any_loop_equal_collocation(delays, grid,
     )
     last = slice(0, -1)  # the held input jumps at the last time, and either value is right there
     assert relative(ours.outputs[:8, last], reference.outputs[:8, last]) < 1e-8
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("pole", [0.0, -1e-6, -1e-3])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+def test_uneven_samples_of_a_slow_plant_are_no_even_ones(pole, rtol):
+    """x' = a x + u, u joined by lines between uneven samples: of an integrator the trapezoidal rule is exact."""
+    rng = np.random.default_rng(3)
+    t = np.concatenate([[0.0], np.cumsum(rng.uniform(0.01, 0.02, 130))])
+    u = np.sin(3.0 * t)
+    x = np.concatenate([[0.0], np.cumsum(0.5 * (u[1:] + u[:-1]) * np.diff(t))])
+    for system in (control.ss(pole, 1.0, 1.0, 0.0), sc.delay(0.23) * control.ss(pole, 1.0, 1.0, 0.0)):
+        found = sc.simulate(system, t, u, rtol=rtol)
+        assert np.abs(found.states[0] - x).max() < (abs(pole) * t[-1] + 10.0 * rtol) * np.abs(x).max() + 1e-12
