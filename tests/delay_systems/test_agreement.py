@@ -83,7 +83,9 @@ def check_sweep(A, delays, count, seed):
         direction[np.arange(delays.size) != seed // 2 % delays.size] = 0.0
     start = delays - direction
     sweep = sc.sweep_delays(loop, direction=direction, start=start, up_to=1.2)
-    assert sweep.decided, sweep
+    if not sweep.decided:  # a pair that meets at s = 0: its crossing is not told from its neighbours
+        assert sweep.crossings["omega"].min() < 1e-4 * size_of(A), sweep
+        return
     if sweep.axis_roots:
         return
     crossed = sweep.crossings["tau"].to_numpy()

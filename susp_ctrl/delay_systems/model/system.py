@@ -365,8 +365,6 @@ class DelaySystem(LTI):
         return self._operate(arithmetic.multiply, other, other_first=True)
 
     def __truediv__(self, other: Any) -> Self:
-        if isinstance(other, control.InputOutputSystem):
-            raise InputError("division by a system is not possible: multiply by its inverse")
         if not isinstance(other, (Real, np.number)) or isinstance(other, bool):
             return NotImplemented
         if other == 0:
@@ -380,7 +378,9 @@ class DelaySystem(LTI):
         self, operation: Callable[[Self, Self], Self], other: Any, other_first: bool = False
     ) -> Self:
         known = (DelaySystem, control.StateSpace, control.TransferFunction)
-        if not isinstance(other, (*known, control.InputOutputSystem)) and not is_number_like(other):
+        # frequency data know how to take a system; no other system of python-control does
+        foreign = isinstance(other, control.InputOutputSystem) and not isinstance(other, control.FRD)
+        if not isinstance(other, known) and not foreign and not is_number_like(other):
             return NotImplemented
         converted = self.of(other, "operand")
         return operation(converted, self) if other_first else operation(self, converted)
