@@ -47,25 +47,7 @@ def checked_state_delays(
     D: ArrayLike | None,
     input_terms: Sequence[tuple[ArrayLike, float]],
 ) -> tuple[StateDelays, FloatArray]:
-    """Return the matrices of a system with state and input delays, and all delays.
-
-    Parameters
-    ----------
-    A : sequence of array_like, each (n, n)
-        ``[A0, A1, ...]``; ``A[1:]`` pairs with `delays`.
-    delays : array_like
-        Delays of ``A[1:]`` in seconds.
-    B, C, D : array_like, optional
-        Undelayed matrices (n, q), (p, n), (p, q). Without `B` (and `input_terms`) the system has no input;
-        without `C` the outputs are the states; without `D` it is zero.
-    input_terms : sequence of (array_like (n, q), float)
-        Delayed input matrices with their delays.
-
-    Raises
-    ------
-    InputError
-        Shapes or numbers that do not fit.
-    """
+    """Return the matrices of a system with state and input delays, and all delays; see `from_state_delays`."""
     if isinstance(A, np.ndarray) and A.ndim == 2:
         raise InputError("A is one matrix: a sequence [A0, A1, ...] is needed")
     A = validation.sequence("A", A)

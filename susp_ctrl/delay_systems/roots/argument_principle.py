@@ -160,12 +160,12 @@ def count_right_of(K: CharacteristicMatrix, line: float = 0.0, most_points: int 
         np.angle(1.0 - np.linalg.eigvals(moved.closed(moved.exponentials(corner)))[0] / corner).sum()
     )
     batch = max(16, _BATCH_NUMBERS // K.n_states**2)
-    phase = _phase_along_axis(
+    phase = phase_along_axis(
         lambda lower, upper: _radius(moved, lower, upper, top),
-        lambda omega: _unit_determinant(moved(1j * omega)),
+        lambda omega: unit_determinant(moved(1j * omega)),
         top, batch, most_points,
     )  # fmt: skip
-    return _whole(K.n_states / 2.0 + (outer_phase - phase) / np.pi)
+    return whole_number(K.n_states / 2.0 + (outer_phase - phase) / np.pi)
 
 
 def _count_in_modes(loop: ModalLoop, most_points: int) -> int:
@@ -176,22 +176,23 @@ def _count_in_modes(loop: ModalLoop, most_points: int) -> int:
     if top == 0.0:
         return loop.poles_right
     outer_phase = float(np.angle(np.linalg.eigvals(loop.return_matrices(np.array([top])))).sum())
-    phase = _phase_along_axis(
+    phase = phase_along_axis(
         lambda lower, upper: _modal_radius(loop, lower, upper, top),
-        lambda omega: _unit_determinant(loop.return_matrices(omega)),
+        lambda omega: unit_determinant(loop.return_matrices(omega)),
         top, max(16, _BATCH_NUMBERS // (4 * loop.modes.out.size)), most_points,
     )  # fmt: skip
-    return _whole(loop.poles_right + (outer_phase - phase) / np.pi)
+    return whole_number(loop.poles_right + (outer_phase - phase) / np.pi)
 
 
-def _whole(turns: float) -> int:
+def whole_number(turns: float) -> int:
+    """Return the number of roots that the turns of the phase add up to, or raise `ContourError`."""
     count = round(turns)
     if abs(turns - count) > 1e-3 or count < 0:
         raise ContourError(np.nan, f"the phase adds up to {turns:.6g} roots, which is no whole number")
     return count
 
 
-def _phase_along_axis(
+def phase_along_axis(
     radius_of: Callable[[FloatArray, FloatArray], FloatArray],
     unit_determinant: Callable[[FloatArray], Points],
     top: float,
@@ -222,19 +223,20 @@ def _phase_along_axis(
     return float(np.angle(phase[1:] / phase[:-1]).sum())
 
 
-def _unit_determinant(matrices: Points) -> Points:
+def unit_determinant(matrices: Points) -> Points:
+    """Return the phases of determinants, one where they vanish."""
     sign = np.linalg.slogdet(matrices)[0]
     return np.where(sign == 0.0, 1.0, sign)
 
 
 def _radius(K: CharacteristicMatrix, lower: FloatArray, upper: FloatArray, top: float) -> FloatArray:
-    """Bound the spectral radius of X on every step, see `_accepted`."""
+    """Bound the spectral radius of X on every step, see `accepted`."""
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     matrices, slopes = K.with_derivative(1j * middle)
     singular = np.linalg.slogdet(matrices)[0] == 0.0
     if np.any(singular):
         # a step may end on a root by chance without the root being its business: move off it
-        _refuse_narrow(middle[singular], half[singular], top)
+        refuse_narrow(middle[singular], half[singular], 1e-3 * top)
         matrices[singular] += np.eye(K.n_states) * half[singular, None, None] * 1e-3
     inverse = np.linalg.inv(matrices)
     size = np.abs(inverse)
@@ -249,7 +251,7 @@ def _radius(K: CharacteristicMatrix, lower: FloatArray, upper: FloatArray, top: 
     # or the first order itself and the rest, in which nothing cancels
     rest = K.second_order(turn)
     X = np.minimum(size @ all_orders, half[:, None, None] * np.abs(inverse @ slopes) + size @ rest) + rounding
-    return _accepted(X, rounding, middle, half, top)
+    return accepted(X, rounding, middle, half, 1e-3 * top)
 
 
 def _modal_radius(loop: ModalLoop, lower: FloatArray, upper: FloatArray, top: float) -> FloatArray:
@@ -257,7 +259,7 @@ def _modal_radius(loop: ModalLoop, lower: FloatArray, upper: FloatArray, top: fl
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     step = loop.step(middle, half)
     usable = step.clear & (np.linalg.slogdet(step.T)[0] != 0.0)
-    _refuse_narrow(middle[~usable], half[~usable], top)
+    refuse_narrow(middle[~usable], half[~usable], 1e-3 * top)
     radius = np.full(middle.size, 8.0)
     if np.any(usable):
         T, slope, all_orders, rest, rounding = (part[usable] for part in step[:-1])
@@ -266,12 +268,12 @@ def _modal_radius(loop: ModalLoop, lower: FloatArray, upper: FloatArray, top: fl
         first = half[usable, None, None] * np.abs(inverse @ slope)
         uncertain = size @ rounding
         X = np.minimum(size @ all_orders, first + size @ rest) + uncertain
-        radius[usable] = _accepted(X, uncertain, middle[usable], half[usable], top)
+        radius[usable] = accepted(X, uncertain, middle[usable], half[usable], 1e-3 * top)
     return radius
 
 
-def _accepted(
-    X: FloatArray, rounding: FloatArray, middle: FloatArray, half: FloatArray, top: float
+def accepted(
+    X: FloatArray, rounding: FloatArray, middle: FloatArray, half: FloatArray, least: float
 ) -> FloatArray:
     """Return the spectral radius of every X, or two where the phase could change by half a turn.
 
@@ -285,7 +287,7 @@ def _accepted(
         worst = int(np.argmax(limit))
         raise ContourError(float(middle[worst]), _on_the_line(middle[worst]))
     radius = perron_bound(X)
-    _refuse_narrow(middle[radius > _RADIUS], half[radius > _RADIUS], top)
+    refuse_narrow(middle[radius > _RADIUS], half[radius > _RADIUS], least)
     small = np.flatnonzero(radius <= _RADIUS)
     if small.size:
         largest_phase = -np.linalg.slogdet(np.eye(X.shape[-1]) - X[small])[1]
@@ -293,8 +295,9 @@ def _accepted(
     return radius
 
 
-def _refuse_narrow(middle: FloatArray, half: FloatArray, top: float) -> None:
-    narrow = half < 4.0 * np.finfo(float).eps * (middle + 1e-3 * top)
+def refuse_narrow(middle: FloatArray, half: FloatArray, least: float) -> None:
+    """Refuse steps of some roundings of the frequency, or of `least` where that is larger."""
+    narrow = half < 4.0 * np.finfo(float).eps * (middle + least)
     if np.any(narrow):
         raise ContourError(float(middle[narrow][0]), _on_the_line(middle[narrow][0]))
 

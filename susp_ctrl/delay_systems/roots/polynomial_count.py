@@ -15,15 +15,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from susp_ctrl.arrays import FloatArray, numbered
-from susp_ctrl.delay_systems.model import DelayPolynomials, Points, perron_bound
+from susp_ctrl.arrays import FloatArray
+from susp_ctrl.delay_systems.model import DelayPolynomials, Points
 from susp_ctrl.delay_systems.model.perron import certified_radius
-from susp_ctrl.delay_systems.roots.argument_principle import ContourError
+from susp_ctrl.delay_systems.roots.argument_principle import (
+    ContourError,
+    accepted,
+    phase_along_axis,
+    refuse_narrow,
+    unit_determinant,
+    whole_number,
+)
 
 # Relative uncertainty of every term: some dozens of roundings.
 _UNCERTAINTY = 64.0 * np.finfo(float).eps
-# A step is accepted below these: spectral radius of X, and largest phase change. Far out the latter is this small.
-_RADIUS, _PHASE, _FAR_PHASE = 0.9, 0.95 * np.pi, 1.0
+# Far out the phase changes by less than this.
+_FAR_PHASE = 1.0
 _MOST_POINTS = 200_000
 _BATCH_NUMBERS = 500_000
 
@@ -43,11 +50,13 @@ def count_by_polynomials(T: DelayPolynomials) -> int:
     degrees = T.degrees
     scaled = T(np.array([1j * top]))[0] / (1j * top) ** degrees
     outer_phase = float(np.angle(np.linalg.slogdet(np.linalg.solve(leading, scaled))[0]))
-    turns = 0.5 * degrees.sum() + (outer_phase - _phase_along_axis(T, top)) / np.pi
-    count = round(turns)
-    if abs(turns - count) > 1e-3 or count < 0:
-        raise ContourError(np.nan, f"the phase adds up to {turns:.6g} roots, which is no whole number")
-    return count
+    # nothing is known of where the slow roots are: steps may be as small as they can
+    phase = phase_along_axis(
+        lambda lower, upper: _radius(T, lower, upper, 1e-16 * top),
+        lambda omega: unit_determinant(_even(T(1j * omega))[0]),
+        top, max(16, _BATCH_NUMBERS // T.size**2), _MOST_POINTS,
+    )  # fmt: skip
+    return whole_number(0.5 * degrees.sum() + (outer_phase - phase) / np.pi)
 
 
 def _outer_radius(T: DelayPolynomials) -> tuple[float, FloatArray]:
@@ -77,36 +86,6 @@ def _outer_radius(T: DelayPolynomials) -> tuple[float, FloatArray]:
     raise ContourError(np.nan, "the leading coefficients leave the number of roots open")
 
 
-def _phase_along_axis(T: DelayPolynomials, top: float) -> float:
-    """Change of the phase of det T(jw) from w = 0 to w = `top`."""
-    edges = np.linspace(0.0, top, 17)
-    lower, upper = edges[:-1], edges[1:]
-    points = [edges]
-    batch = max(16, _BATCH_NUMBERS // T.size**2)
-    evaluated = 0
-    while lower.size:
-        parts = [slice(i, i + batch) for i in range(0, lower.size, batch)]
-        radius = np.concatenate([_radius(T, lower[part], upper[part], top) for part in parts])
-        done = radius <= _RADIUS
-        evaluated += lower.size
-        points.append(0.5 * (lower + upper)[done])
-        pieces = np.clip(np.ceil(radius[~done] / (0.7 * _RADIUS)), 2, 8).astype(int)
-        if evaluated + pieces.sum() > _MOST_POINTS:
-            raise ContourError(float(lower[~done][0]), f"more than {_MOST_POINTS} steps would be needed")
-        owner, number = numbered(pieces)
-        width, start = ((upper - lower)[~done] / pieces)[owner], lower[~done][owner]
-        lower, upper = start + number * width, start + (number + 1) * width
-        points.append(lower)
-    omega = np.unique(np.concatenate(points))
-    phase = np.concatenate([_phases(T, omega[i : i + batch]) for i in range(0, omega.size, batch)])
-    return float(np.angle(phase[1:] / phase[:-1]).sum())
-
-
-def _phases(T: DelayPolynomials, omega: FloatArray) -> Points:
-    sign = np.linalg.slogdet(_even(T(1j * omega))[0])[0]
-    return np.where(sign == 0.0, 1.0, sign)
-
-
 def _even(matrices: Points) -> tuple[Points, FloatArray, FloatArray]:
     """Scale rows and columns to one, which leaves the phase of the determinant; return the scales as well."""
     size = np.abs(matrices)
@@ -117,36 +96,17 @@ def _even(matrices: Points) -> tuple[Points, FloatArray, FloatArray]:
     return matrices / columns / rows, rows, columns
 
 
-def _radius(T: DelayPolynomials, lower: FloatArray, upper: FloatArray, top: float) -> FloatArray:
-    """Bound the spectral radius of X on every step; two where the phase could change by half a turn."""
+def _radius(T: DelayPolynomials, lower: FloatArray, upper: FloatArray, least: float) -> FloatArray:
+    """Bound the spectral radius of X on every step, see `accepted`."""
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     matrices, rows, columns = _even(T(1j * middle))
     # a step may end on a root by chance without the root being its business: move off it
     singular = np.linalg.slogdet(matrices)[0] == 0.0
-    _refuse_narrow(middle[singular], half[singular], top)
+    refuse_narrow(middle[singular], half[singular], least)
     matrices[singular] += 1e-3 * np.eye(T.size)
     inverse = np.abs(np.linalg.inv(matrices))
     rounding = inverse @ (_UNCERTAINTY * T.sizes(middle) / columns / rows)
     X = inverse @ (T.variation(middle, half) / columns / rows) + rounding
-    limit = perron_bound(rounding)
-    if np.any(limit > 0.5 * _RADIUS):
-        worst = int(np.argmax(limit))
-        raise ContourError(float(middle[worst]), _on_the_axis(middle[worst]))
-    radius = perron_bound(X)
+    radius = accepted(X, rounding, middle, half, least)
     radius[singular] = 2.0
-    _refuse_narrow(middle[radius > _RADIUS], half[radius > _RADIUS], top)
-    small = np.flatnonzero(radius <= _RADIUS)
-    if small.size:
-        largest_phase = -np.linalg.slogdet(np.eye(T.size) - X[small])[1]
-        radius[small[largest_phase > _PHASE]] = 2.0 * _RADIUS
     return radius
-
-
-def _refuse_narrow(middle: FloatArray, half: FloatArray, top: float) -> None:
-    narrow = half < 4.0 * np.finfo(float).eps * (middle + 1e-16 * top)
-    if np.any(narrow):
-        raise ContourError(float(middle[narrow][0]), _on_the_axis(middle[narrow][0]))
-
-
-def _on_the_axis(omega: float) -> str:
-    return f"a root lies on the axis near {omega:.6g} rad/s, as far as rounding lets one tell"

@@ -46,7 +46,7 @@ def test_the_delayed_integrator(gain, delay):
 
 
 def test_a_root_on_the_axis_and_open_leading_coefficients_are_told():
-    with pytest.raises(ContourError, match="on the axis near 2 rad/s"):
+    with pytest.raises(ContourError, match="on the line near 2 rad/s"):
         count_by_polynomials(polynomial([1.0, 0.0, 4.0]))
     with pytest.raises(ContourError, match="leading coefficients"):
         count_by_polynomials(polynomial([1.0, 1.0], ([2.0, 1.0], 1.0)))
