@@ -156,10 +156,20 @@ def polished_zeros(
             gap = gap - turn * np.round(gap / turn)
         return np.hypot((omega[others] - omega[k]) / w_scale, gap / y_scale)
 
+    reach = _attainable(loop, coordinate, omega, y)
+
+    def same(k: Any, others: np.ndarray) -> np.ndarray:
+        """Closer than Newton can tell: two roots that meet at s = 0 leave little of the digits of omega."""
+        gap = y[others] - y[k]
+        if turn is not None:
+            gap = gap - turn * np.round(gap / turn)
+        far = np.maximum(np.abs(omega[others] - omega[k]) / reach[0][k], np.abs(gap) / reach[1][k])
+        return np.asarray((distances(k, others) < 1e-9) | (far < 1.0))
+
     kept: list[int] = []
     special: list[int] = []
     for k in np.argsort(-np.abs(sharpness), kind="stable"):
-        if np.any(distances(k, np.array(kept, dtype=int)) < 1e-9):
+        if np.any(same(k, np.array(kept, dtype=int))):
             continue
         if abs(sharpness[k]) < _DEGENERATE:
             # Newton stops with half the digits here: what is left around a refined point is the same point.
@@ -182,6 +192,20 @@ def polished_zeros(
         measured = winding(loop, coordinate, omega[k], y[k], size * w_scale, size * y_scale)
         degree[k] = degree[k] if measured is None else measured
     return Zeros(omega, y, degree)
+
+
+def _attainable(
+    loop: CharacteristicMatrix, coordinate: Coordinate, omega: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far apart in omega and in y two points can be that the residual takes for one simple zero."""
+    by_omega, by_y = zero_slopes(loop, coordinate, omega, y)
+    turned = np.abs(np.imag(np.conj(by_omega) * by_y))
+    accepted = 2.0 * _RESIDUAL * axis_size(loop, omega)
+    plain = turned > 0.0
+    reach = (np.full(omega.size, 1e-300), np.full(omega.size, 1e-300))
+    for part, slope in zip(reach, (by_y, by_omega), strict=True):
+        part[plain] = np.maximum(accepted[plain] * np.abs(slope[plain]) / turned[plain], 1e-300)
+    return reach
 
 
 def winding(
