@@ -1,7 +1,8 @@
 """Connected regions of a stability map, and which of their numbers independent counts confirm.
 
 The numbers that follow from the curves are believed everywhere only if every count made, over the whole rectangle,
-confirms them. Otherwise each region stands for itself: it keeps a number only if all counts made inside agree.
+confirms them. Otherwise the counts speak alone: a region has a number where all counts made inside agree, and in a
+region where they do not, only the cells of a lattice of counts have one whose corners agree.
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ from susp_ctrl.arrays import FloatArray
 _RASTER = 240
 _CHECKED_REGIONS = 20
 _SPREAD = 4
-# Where the numbers are not confirmed as a whole: regions that are looked at one by one, and counts in each.
+# Where the numbers are not confirmed as a whole: regions that are looked at one by one, counts in each, and points
+# of a lattice of counts along each axis.
 _SINGLE_REGIONS = 40
 _COUNTS_EACH = 5
+_LATTICE = 17
 # Irrational offsets keep the raster off the straight lines on which curves like to lie.
 _OFFSET = (np.sqrt(2.0) - 1.0, np.sqrt(3.0) - 1.0)
 
@@ -76,7 +79,7 @@ class MapRegions:
     labels : ndarray of int
         Region of every raster point.
     roots : ndarray of int
-        Number of unstable roots of every region; -1 where it is not known.
+        Number of unstable roots at every raster point; -1 where it is not known.
     offset : int
         What has to be added to a change to give a number, where `decided`.
     decided : bool
@@ -99,7 +102,7 @@ class MapRegions:
             return self.offset + relative
         place = self.raster.nearest(x, y)
         # Beside a curve the nearest raster point may lie beyond it.
-        return np.where(self.relative[place] == relative, self.roots[self.labels[place]], -1)
+        return np.where(self.relative[place] == relative, self.roots[place], -1)
 
 
 def map_regions(raster: Raster, relative: np.ndarray, other: np.ndarray, count: Count) -> MapRegions:
@@ -138,19 +141,25 @@ def map_regions(raster: Raster, relative: np.ndarray, other: np.ndarray, count: 
     # Along another way the same numbers must come out: a curve with a gap shows.
     decided = len(offsets) == 1 and np.array_equal(other, relative) and int(relative.min()) + offset >= 0
     if decided:
-        roots = offset + relative[place]
+        roots = offset + relative
+        of_region = roots[place]
     else:
         for k in np.argsort(-area, kind="stable")[:_SINGLE_REGIONS]:
             own = np.flatnonzero((labels == k) & (clear > 1.0))
             counts_at(own[np.linspace(0, own.size - 1, min(_COUNTS_EACH, own.size)).astype(int)])
-        roots = _confirmed(labels, counted, total)
+        lattice = np.rint(np.linspace(0, _RASTER - 1, _LATTICE)).astype(int)
+        counts_at((lattice[:, None] * _RASTER + lattice).ravel())
+        of_region = _confirmed(labels, counted, total)
         torn = np.unique(labels[other - other[place[widest[0]]] != relative - relative[place[widest[0]]]])
         # Where the two ways differ, one of them met a gap: only the counts speak for these regions.
         few = [k for k in torn if sum(labels[p] == k for p in counted) < _COUNTS_EACH]
-        roots[few] = -1
+        of_region[few] = -1
+        roots = of_region[labels]
+        open_points = np.flatnonzero(roots < 0)
+        roots[open_points] = _local_counts(open_points, labels, counted, lattice)
     table = pd.DataFrame(
         {
-            "unstable_roots": roots,
+            "unstable_roots": of_region,
             "area": area,
             "x": raster.x[place],
             "y": raster.y[place],
@@ -172,6 +181,24 @@ def _confirmed(labels: np.ndarray, counted: dict[int, int | None], total: int) -
         if len(values) == 1 and known:
             roots[label] = known.pop()
     return roots
+
+
+def _local_counts(
+    points: np.ndarray, labels: np.ndarray, counted: dict[int, int | None], lattice: np.ndarray
+) -> np.ndarray:
+    """Return the number on which those corners of a point's lattice cell agree that lie in its region, else -1."""
+    counts = np.full(labels.size, -2)
+    for place, value in counted.items():
+        counts[place] = -1 if value is None else value
+    low = [
+        np.clip(np.searchsorted(lattice, place, "right") - 1, 0, lattice.size - 2)
+        for place in np.divmod(points, _RASTER)
+    ]
+    corners = np.stack([lattice[low[0] + i] * _RASTER + lattice[low[1] + j] for i in (0, 1) for j in (0, 1)])
+    own = labels[corners] == labels[points]
+    least = np.min(np.where(own, counts[corners], np.iinfo(int).max), axis=0)
+    most = np.max(np.where(own, counts[corners], -1), axis=0)
+    return np.where(least == most, most, -1)
 
 
 def _labels(number: np.ndarray) -> tuple[np.ndarray, FloatArray]:

@@ -6,7 +6,9 @@ On a grid of frequency and first angle :math:`\theta_1` the eigenvalues :math:`\
 
 say which :math:`z_2 = 1/\mu_i` close the second delay: a root is on the axis where ``|mu_i| = 1``. The sign of
 :math:`\prod_i (1 - |\mu_i|^2)` changes across the curve. Every edge of the grid on which it does gives a point,
-polished on the exact equation, and every cell joins its points.
+polished on the exact equation, and every cell joins its points. Where a root nearly ignores the second delay, a
+long piece of its curve lies in one cell and leaves a gap; such gaps are closed by following the curve from the end
+that leads into them.
 """
 
 from __future__ import annotations
@@ -26,6 +28,9 @@ _COARSE = 3
 # Largest distance of a chord from the curve, relative to the ranges, and rounds of halving to get there.
 _CHORD = 2e-5
 _ROUNDS = 6
+# Following a curve into a gap: first and longest step (rad of any of the three phases), steps at most.
+_FIRST_STEP, _LONGEST_STEP = 0.01, 0.2
+_STEPS = 300
 
 
 class _Blocks:
@@ -43,15 +48,21 @@ class _Blocks:
         second = self.owner == 1
         rest = ~second
         inner = np.eye(int(rest.sum())) - PE[:, rest][:, :, rest]
-        M = PE[:, second][:, :, second] + PE[:, second][:, :, rest] @ np.linalg.solve(
-            inner, PE[:, rest][:, :, second]
-        )
-        return np.linalg.eigvals(M).astype(complex)
+        try:
+            gain = np.linalg.solve(inner, PE[:, rest][:, :, second])
+        except np.linalg.LinAlgError:
+            # The rest alone has a root exactly here: mu is infinite, and any large number says so.
+            gain = np.linalg.solve(inner + 1e-15 * np.eye(inner.shape[1]), PE[:, rest][:, :, second])
+        M = PE[:, second][:, :, second] + PE[:, second][:, :, rest] @ gain
+        finite = np.all(np.isfinite(M), axis=(1, 2))
+        mu = np.full(M.shape[:2], np.inf + 0j)
+        mu[finite] = np.linalg.eigvals(M[finite])
+        return mu
 
     def level(self, omega: FloatArray, theta: FloatArray) -> FloatArray:
         """Return the product whose sign changes across a curve."""
-        size2 = np.abs(self.eigenvalues(omega, theta)) ** 2
-        return np.prod((1.0 - size2) / (1.0 + size2), axis=1)
+        with np.errstate(divide="ignore"):
+            return np.prod(-np.tanh(np.log(np.abs(self.eigenvalues(omega, theta)))), axis=1)
 
 
 def trace_blocks(
@@ -82,7 +93,9 @@ def trace_blocks(
     edges = np.stack(
         [number_omega[:, :-1], number_theta[1:], number_omega[:, 1:], number_theta[:-1]], axis=-1
     )
-    return _unrolled(blocks, points, _joined(edges, points), x, y)
+    scale = np.array([max(x.high, y.high), 1.0, 1.0])
+    points, pairs = _gaps_closed(blocks, points, _joined(edges, points), scale, (omega[0], omega[-1]))
+    return _unrolled(blocks, points, pairs, x, y)
 
 
 def _signs(blocks: _Blocks, W: FloatArray, T: FloatArray) -> np.ndarray:
@@ -143,6 +156,62 @@ def _joined(edges: np.ndarray, points: FloatArray) -> np.ndarray:
     return np.vstack(pairs)
 
 
+def _gaps_closed(
+    blocks: _Blocks, points: FloatArray, pairs: np.ndarray, scale: FloatArray, band: tuple[float, float]
+) -> tuple[FloatArray, np.ndarray]:
+    """Follow the curve from every end that leads into a gap until it meets an end that leads out of one."""
+    loose = np.bincount(pairs.ravel(), minlength=len(points))[pairs] == 1
+    piece, side = np.nonzero(loose)
+    if piece.size < 2:
+        return points, pairs
+    ends, others = pairs[piece, side], pairs[piece, 1 - side]
+    ahead = (
+        np.sum(_turned(points[ends] - points[others]) * scale**2 * _tangent(blocks, points[ends]), axis=1) > 0
+    )
+    targets, number = ends[~ahead], ends[ahead]
+    here, step = points[number], np.full(number.size, _FIRST_STEP)
+    for _ in range(_STEPS):
+        if not number.size or not targets.size:
+            break
+        direction = _unit(_tangent(blocks, here) * scale)
+        there = _projected(blocks, here + step[:, None] * direction / scale, scale)
+        moved = (there - here) * scale
+        length = np.linalg.norm(moved, axis=1)
+        straight = np.minimum(
+            np.sum(direction * _unit(moved), axis=1),
+            np.sum(direction * _unit(_tangent(blocks, there) * scale), axis=1),
+        )
+        good = (straight > 0.97) & (length < 2.0 * step)
+        step = np.where(good, np.minimum(1.5 * step, _LONGEST_STEP), 0.5 * step)
+        away = _turned(points[targets] - here[:, None]) * scale
+        distance = np.linalg.norm(away, axis=2)
+        nearest = np.argmin(distance, axis=1)
+        # The end is met if the step would pass it: it lies ahead, and no farther than the step.
+        met = good & (np.min(distance, axis=1) < 1.05 * length)
+        pairs = np.vstack([pairs, np.column_stack([number[met], targets[nearest[met]]])])
+        on = good & ~met & (there[:, 0] > band[0]) & (there[:, 0] < band[1])
+        fresh = len(points) + np.arange(int(on.sum()))
+        points = np.vstack([points, there[on]])
+        pairs = np.vstack([pairs, np.column_stack([number[on], fresh])])
+        here, number = here.copy(), number.copy()
+        here[on], number[on] = there[on], fresh
+        kept = on | (~good & (step > 1e-4 * _FIRST_STEP))
+        here, number, step = here[kept], number[kept], step[kept]
+    return points, pairs
+
+
+def _turned(difference: FloatArray) -> FloatArray:
+    """Return differences of (omega, theta1, theta2) with the angles taken the short way round."""
+    result = difference.copy()
+    result[..., 1:] = (result[..., 1:] + np.pi) % (2.0 * np.pi) - np.pi
+    return result
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    """Return vectors of length one."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
+
+
 def _frequencies(centre: FloatArray, half: FloatArray, longest: float, fineness: int) -> FloatArray:
     """Frequencies in the bands, close enough for the resonances and for the turns of the delays."""
     parts = fineness * np.clip(np.ceil(2.0 * half * longest / 0.15), 8, 400).astype(int)
@@ -172,14 +241,15 @@ def _edge_points(
     place = elementwise.find_root(along, bracket, args=(*low.T, *high.T), tolerances={"xatol": 1e-10}).x
     point = low + place[:, None] * (high - low)
     mu = blocks.eigenvalues(*point.T)
-    nearest = np.argmin(np.abs(np.log(np.abs(mu))), axis=1)
+    with np.errstate(divide="ignore"):
+        nearest = np.argmin(np.abs(np.log(np.abs(mu))), axis=1)
     return np.column_stack([point, np.angle(mu[np.arange(len(mu)), nearest])])
 
 
 def _unrolled(blocks: _Blocks, points: FloatArray, pairs: np.ndarray, x: Axis, y: Axis) -> Segments:
     """Orient each piece and repeat it for every turn of both delays."""
-    a, b = points[pairs[:, 0]], points[pairs[:, 1]].copy()
-    b[:, 1:] = a[:, 1:] + (b[:, 1:] - a[:, 1:] + np.pi) % (2.0 * np.pi) - np.pi
+    a, b = points[pairs[:, 0]], points[pairs[:, 1]]
+    b = a + _turned(b - a)
     flip = np.sum((b - a) * _tangent(blocks, 0.5 * (a + b)), axis=1) < 0.0
     a[flip], b[flip] = b[flip].copy(), a[flip].copy()
     a, b = _refined(blocks, a, b, x, y)

@@ -32,8 +32,9 @@ class StabilityMap:
         inside) and ``counted`` (unstable roots counted there by the argument principle; -1 where not counted).
         Regions smaller than 1/240 of a range may be missing from the table; `unstable_roots` knows them.
     decided : bool
-        Whether all numbers agree with the independent counts. If not, only regions in which all counts agree
-        with each other have a number, and all others -1.
+        Whether all numbers agree with the independent counts. If not, the counts speak alone: a region in which
+        they all agree has a number; of the others only those cells of a lattice of 16 by 16 whose corners agree;
+        all else is -1.
     axis_roots : tuple of float
         Frequencies of roots that lie on the imaginary axis all over the rectangle (0 for a root at s = 0); with
         any the loop is nowhere stable, and no region has a number.
@@ -75,7 +76,7 @@ class StabilityMap:
             )
         if self.decided:
             return "numbers agree with independent counts"
-        share = float(self.regions.loc[self.regions["unstable_roots"] < 0, "area"].sum())
+        share = float(np.mean(self.found.roots < 0))
         return (
             "the numbers that follow from the curves and independent counts differ, "
             f"and on {100.0 * share:.3g} % of the rectangle the number is not known"

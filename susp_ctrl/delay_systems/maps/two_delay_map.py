@@ -101,10 +101,13 @@ def stability_map(
     raster = Raster(low, high)
     x0, y0 = low + np.array([0.381966, 0.618034]) * (high - low)
     origin = (float(x0), float(y0))
+    axis_roots = problem.axis_roots()
     for fineness in _FINENESS:
         segments = problem.segments(fineness)
-        regions = map_regions(raster, *_changes(segments, origin, raster), problem.count)
-        if regions.decided or not problem.on_a_grid:
+        # With a root that stays on the axis no count can tell.
+        count = (lambda x, y: None) if axis_roots else problem.count
+        regions = map_regions(raster, *_changes(segments, origin, raster), count)
+        if regions.decided or axis_roots or not problem.on_a_grid:
             break
     result = StabilityMap(
         x_label=problem.label(x),
@@ -114,7 +117,7 @@ def stability_map(
         segments=segments,
         origin=origin,
         found=regions,
-        axis_roots=problem.axis_roots(),
+        axis_roots=axis_roots,
         mixed=x.kind != y.kind,
         design=problem.design(),
     )

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import susp_ctrl as sc
+from susp_ctrl.delay_systems.maps import shared_delays
 from susp_ctrl.errors import UndecidedStabilityWarning
 
 CASES = json.loads(
@@ -45,6 +46,33 @@ def test_an_undamped_mode_is_not_decided_as_a_whole():
     assert mapped.regions["unstable_roots"].min() == -1
     assert "NOT DECIDED" in str(mapped)
     known_numbers_are_counts(loop, mapped)
+
+
+def root_that_nearly_ignores_the_second_delay():
+    return states(
+        [[-1.76, 0.01], [-0.57, -2.14]],
+        [[-2.24, 1.45], [2.22, -1.44]],
+        [[-0.44, -0.15], [0.07, 3.48]],
+        [[-0.06, 0.63], [-0.09, 0.49]],
+    )
+
+
+@pytest.mark.property
+@pytest.mark.parametrize("followed", [True, False])
+def test_a_curve_that_the_grid_cannot_resolve(monkeypatch, followed):
+    """Its gap is closed by following it; were it left open, no number beside it would be told."""
+    if not followed:
+        monkeypatch.setattr(shared_delays, "_STEPS", 0)
+    loop = root_that_nearly_ignores_the_second_delay()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore" if not followed else "error", UndecidedStabilityWarning)
+        mapped = sc.stability_map(loop, tau1=(0, 2), tau2=(0, 1.5))
+    assert mapped.decided == followed
+    x, y = (v.ravel() for v in np.meshgrid(np.linspace(0.01, 1.99, 15), np.linspace(0.02, 1.48, 12)))
+    told = mapped.unstable_roots(x, y)
+    counts = [sc.count_unstable_roots(loop.with_delays([*tau, 1.0])) for tau in zip(x, y, strict=True)]
+    assert np.all((told == counts) | (told == -1))
+    assert np.mean(told == -1) < (1e-9 if followed else 0.15)
 
 
 @pytest.mark.analytical
