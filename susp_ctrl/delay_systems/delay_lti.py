@@ -249,7 +249,16 @@ class DelayLTI(DelaySystem):
         -------
         control.ControlPlot
         """
-        return control.bode_plot(self.frequency_response(omega), **_own_figure(kwargs))
+        response = self.frequency_response(omega)
+        frame = kwargs.get("title_frame", control.config.defaults["freqplot.title_frame"])
+        # python-control would centre the title by a layout in which every label asks all panels for their ticks
+        options = {**kwargs, "title_frame": "figure"} if frame == "axes" else kwargs
+        drawn = control.bode_plot(response, **_own_figure(options))
+        if kwargs.get("ax") is None and isinstance(drawn, control.ControlPlot):
+            from susp_ctrl.plotting import lay_out  # loads matplotlib
+
+            lay_out(drawn.figure, drawn.axes, centred=frame == "axes")
+        return drawn
 
     def nyquist_plot(self, omega: ArrayLike | None = None, **kwargs: Any) -> Any:
         """Draw the Nyquist curve of a system with one input and output.

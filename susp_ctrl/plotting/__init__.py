@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from susp_ctrl.plotting.comparison import draw_abscissa_over_order, draw_changes, draw_order_error
 from susp_ctrl.plotting.delay_sweeps import draw_intervals, draw_unit_modulus
-from susp_ctrl.plotting.figures import fresh_figure, new_figure, panels, save_figure, shared_legend
+from susp_ctrl.plotting.figures import fresh_figure, lay_out, new_figure, panels, save_figure, shared_legend
 from susp_ctrl.plotting.frequency import draw_bode, draw_magnitude, frequency_axis
 from susp_ctrl.plotting.histories import draw_history, draw_road
 from susp_ctrl.plotting.regions import draw_stability_map, map_legend, map_picture

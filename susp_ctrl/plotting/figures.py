@@ -8,21 +8,26 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis, YAxis
 from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_mixed import MixedModeRenderer
 from matplotlib.backends.backend_pdf import PdfFile, RendererPdf, Verbatim
 from matplotlib.figure import Figure
+from matplotlib.transforms import offset_copy
 from numpy.typing import NDArray
 from PIL import Image
 
+from susp_ctrl.plotting.minor_ticks import PanelFigure
 from susp_ctrl.plotting.style import FULL_WIDTH, legend_entries, styled
 
 _Item = TypeVar("_Item")
 
 _POINTS_PER_INCH = 72.0
+_NARROWEST, _LOWEST = 1.9, 1.1  # inch: room for the names of a panel that python-control drew
 _PATH = re.compile(rb' d="[^"]*"')
 _LONG_NUMBER = re.compile(rb"(\.\d\d)\d+")
 
@@ -47,7 +52,7 @@ def new_figure(
     Figure, ndarray of Axes
         The array has the shape (rows, columns).
     """
-    figure = Figure(figsize=(FULL_WIDTH, height), layout="constrained")
+    figure = PanelFigure(figsize=(FULL_WIDTH, height), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **subplots)
     return figure, axes
 
@@ -108,7 +113,59 @@ def fresh_figure() -> Figure:
     """
     import matplotlib.pyplot as plt  # only an interactive caller needs pyplot's figure manager
 
-    return plt.figure()
+    return plt.figure(FigureClass=PanelFigure)
+
+
+def lay_out(figure: Figure, axes: NDArray[Any], *, centred: bool) -> None:
+    """Place the panels that python-control drew into a fresh figure, once and not at every drawing.
+
+    Parameters
+    ----------
+    figure
+        Of `fresh_figure`; it grows where its panels would be too small for their names.
+    axes
+        The panels, shape (rows, columns). Texts of the figure name pairs of rows (magnitude and phase).
+    centred
+        Centre the title over the panels, not over the figure.
+    """
+    rows, columns = axes.shape
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(max(width, _NARROWEST * columns), max(height, _LOWEST * rows))
+    for column in axes.T:
+        _name_beside(figure, [ax.yaxis for ax in column])
+    for row in axes:
+        _name_beside(figure, [ax.xaxis for ax in row])
+    figure.tight_layout()
+    with matplotlib.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
+        figure.set_layout_engine(None)  # with an engine, even "none", every file is drawn twice
+    names = [text for text in figure.texts if text.get_rotation()]
+    for text, upper, lower in zip(names, axes[::2, 0], axes[1::2, 0], strict=False):
+        # As python-control does, whose empty line beside the names of the axes holds it.
+        left = 0.8 * upper.yaxis.label.get_window_extent().x0 / figure.bbox.width
+        text.set_position((left, (upper.get_position().y1 + lower.get_position().y0) / 2.0))
+    if centred:
+        middle = (axes[0, 0].get_position().x0 + axes[0, -1].get_position().x1) / 2.0
+        for text in figure.texts:
+            if text not in names:
+                text.set_x(middle)
+
+
+def _name_beside(figure: Figure, line: Sequence[Axis]) -> None:
+    """Put the names of axes in a row or column into one line, outside all tick labels.
+
+    `Figure.align_labels` does so too, but then every name asks for all tick labels of all panels at every drawing.
+    """
+    vertical = isinstance(line[0], YAxis)
+    taken = [0.0]
+    for axis in line if any(axis.get_label_text() for axis in line) else ():
+        frame = axis.axes.bbox
+        shown = [text for text in axis.get_ticklabels() if text.get_visible() and text.get_text()]
+        boxes = [text.get_window_extent() for text in shown]
+        taken += [frame.x0 - box.x0 if vertical else frame.y0 - box.y0 for box in boxes]
+    for axis in line:
+        points = -max(taken) * _POINTS_PER_INCH / figure.dpi - axis.labelpad
+        x, y, where = (points, 0.0, (0.0, 0.5)) if vertical else (0.0, points, (0.5, 0.0))
+        axis.set_label_coords(*where, transform=offset_copy(axis.axes.transAxes, figure, x, y, "points"))
 
 
 @styled

@@ -24,6 +24,8 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import LogFormatter
 from numpy.typing import ArrayLike, NDArray
 
+from susp_ctrl.plotting.minor_ticks import PanelAxes
+
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
@@ -232,7 +234,7 @@ def finished(
     if ylabel is not None:
         ax.set_ylabel(ylabel)
     if title:
-        ax.set_title(title)
+        ax.set_title(title, y=1.0 if isinstance(ax, PanelAxes) else None)
     if tight:
         ax.margins(x=0.0)
     if legend:

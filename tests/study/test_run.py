@@ -12,6 +12,7 @@ import pytest
 
 import susp_ctrl as sc
 from susp_ctrl.study import compute_study
+from susp_ctrl.study.sections import time as time_section
 
 # Orders are low on purpose, to be quick.
 pytestmark = [pytest.mark.end_to_end, pytest.mark.filterwarnings("ignore::susp_ctrl.errors.PadeOrderWarning")]
@@ -188,6 +189,27 @@ def test_exact_and_pade_differ_by_what_the_table_says(small_run):
         coarse = np.abs(case.histories[design, "pade"] - case.histories[design, "exact"]).max(axis=1)
         assert np.all(coarse <= found[design][list(case.outputs)].to_numpy() * (1 + 1e-12))
         assert np.all(coarse > 0)
+        # relative to the peak of the exact run, which stands between the samples
+        row = case.pade_difference.set_index(["design", "output"]).loc[design]
+        peak = (row["max_difference"] / row["relative_to_peak"])[list(case.outputs)].to_numpy()
+        sampled = np.abs(case.histories[design, "exact"]).max(axis=1)
+        assert np.all((sampled <= peak * (1 + 1e-12)) & (peak < 1.02 * sampled))
+
+
+def test_what_no_table_shows_is_not_simulated(small_study, monkeypatch):
+    """Ride indices are those of the exact runs; a look between the samples serves difference and peak."""
+    calls: dict[str, list[str]] = {"ride_indices": [], "extremes": []}
+    for name, made in calls.items():
+        original = getattr(time_section, name)
+
+        def counted(first, *rest, made=made, original=original, **options):
+            made.append(getattr(first, "method", ""))
+            return original(first, *rest, **options)
+
+        monkeypatch.setattr(time_section, name, counted)
+    run = compute_study(small_study, sections=("time",))
+    assert calls["ride_indices"] == ["exact"] * sum(len(case.designs) for case in run.time)
+    assert len(calls["extremes"]) == sum(len(case.pade_orders) for case in run.time)
 
 
 def test_pade_errors_fall_with_the_order(small_run):

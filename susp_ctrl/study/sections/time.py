@@ -61,7 +61,7 @@ def time_case(
                 if settings.pade_order is None:
                     # The band is the one that the study asks for.
                     warnings.simplefilter("ignore", PadeOrderWarning)
-                records[design.key, PADE] = record(bench, design.key, settings, road, order)
+                records[design.key, PADE] = record(bench, design.key, settings, road, order, indexed=False)
         stationary[design.key] = stationary_indices(bench, design.key, road)
         report((n + 1) / len(designs))
     times = record_times(settings.duration, settings.step)[::every]
@@ -202,33 +202,30 @@ def _differences(
     for design in designs:
         if (design.key, PADE) not in records:
             continue
-        exact, approximate = records[design.key, EXACT], records[design.key, PADE]
-        largest, peak = (
-            _largest(times, settings.outputs, *pair) for pair in ((approximate, exact), (exact,))
-        )
-        for output in settings.outputs:
-            relative = largest[output] / peak[output] if peak[output] > 0.0 else np.nan
-            rows.append((design.key, output, signal_unit(output), largest[output], relative))
+        largest, peaks = _largest(times, records[design.key, PADE], records[design.key, EXACT])
+        for output, difference, peak in zip(settings.outputs, largest, peaks, strict=True):
+            relative = difference / peak if peak > 0.0 else np.nan
+            rows.append((design.key, output, signal_unit(output), difference, relative))
     return pd.DataFrame(rows, columns=["design", "output", "unit", "max_difference", "relative_to_peak"])
 
 
-def _largest(
-    times: FloatArray, outputs: tuple[str, ...], one: Record, other: Record | None = None
-) -> dict[str, float]:
-    """Return the largest magnitude of every output of a record, or of its difference from another."""
-    others = [] if other is None else [other]
+def _largest(times: FloatArray, approximate: Record, exact: Record) -> FloatArray:
+    """Return the largest magnitude of every output's difference, and of the exact output, shape (2, outputs).
 
-    def named(values: FloatArray, *subtracted: FloatArray) -> dict[str, FloatArray]:
-        return dict(zip(outputs, values - sum(subtracted, np.zeros(1)), strict=True))
+    Both are looked for together: each look between the samples simulates the whole record again.
+    """
+    first, second = approximate.at, exact.at
 
-    ways = [each.at for each in (one, *others) if each.at is not None]
-    known = len(ways) == 1 + len(others)
+    def signals(approximated: FloatArray, of_exact: FloatArray) -> dict[str, FloatArray]:
+        both = np.concatenate([approximated - of_exact, of_exact])
+        return {str(number): values for number, values in enumerate(both)}
+
     found = extremes(
         times,
-        named(one.outputs, *(each.outputs for each in others)),
-        (lambda t: named(*(way(t) for way in ways))) if known else None,
+        signals(approximate.outputs, exact.outputs),
+        None if first is None or second is None else (lambda t: signals(first(t), second(t))),
     )
-    return {name: max(abs(low), abs(high)) for name, (low, high) in found.items()}
+    return np.array([max(abs(low), abs(high)) for low, high in found.values()]).reshape(2, -1)
 
 
 def _printed(key: str, audit: AuditSettings | None) -> pd.DataFrame | None:
