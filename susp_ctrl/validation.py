@@ -23,6 +23,8 @@ LONGEST_DELAY = 1e15
 """Longest delay that is taken (s): beyond it the phase of ``e^{-s tau}`` has no digits at any frequency of use."""
 SHORTEST_DELAY = 1e-30
 """Shortest delay that is taken (s) besides zero: products with it would leave the range of numbers."""
+LARGEST_ENTRY = 1e40
+"""Largest entry of a plant's matrices and largest gain: squares of their products would leave the range of numbers."""
 
 
 def file_content(path: Any, *, most: int) -> bytes:
@@ -125,6 +127,16 @@ def delays(name: str, value: ArrayLike, *, size: int | None = None) -> FloatArra
             f"{name}[{bad}] = {result[bad]:g} is not allowed: at most {LONGEST_DELAY:g} is needed"
         )
     return result
+
+
+def entries(name: str, *arrays: FloatArray) -> None:
+    """Refuse numbers that are not finite or larger than `LARGEST_ENTRY`."""
+    for array in arrays:
+        if not np.all(np.abs(array) <= LARGEST_ENTRY):
+            raise InputError(
+                f"{name} with {np.max(np.abs(array)):g} among its numbers is not allowed: "
+                f"at most {LARGEST_ENTRY:g} is needed"
+            )
 
 
 def vector(

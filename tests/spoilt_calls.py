@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import random
+import signal
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from call_registry import calls, small_loop
 import susp_ctrl as sc
 
 LONGEST_MESSAGE = 300
+LONGEST_CALL = 120.0
 
 
 class _Odd:
@@ -71,13 +74,32 @@ def spoilt(seed: int, count: int) -> Iterator[tuple[str, dict[str, Any], Callabl
         yield name, bad, lambda function=function, arguments=arguments, bad=bad: function(**(arguments | bad))
 
 
+@contextmanager
+def ends_within(seconds: float, name: str) -> Iterator[None]:
+    """Make an endless call a TimeoutError; counted in processor time, which other work on the machine leaves alone."""
+
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"{name} did not end within {seconds:g} s of processor time")
+
+    if not hasattr(signal, "setitimer"):  # Windows
+        yield
+        return
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
 def judged(name: str, bad: dict[str, Any], call: Callable[[], Any]) -> str:
     """Make the call; return what is wrong with its outcome, an empty text if nothing is.
 
     Operators follow Python's own convention: a TypeError where neither operand knows the other (pandas asks the other
     operand for attributes of arrays). What a function of the caller raises comes out as it is.
     """
-    with warnings.catch_warnings(action="ignore"):
+    with warnings.catch_warnings(action="ignore"), ends_within(LONGEST_CALL, name):
         try:
             call()
         except sc.InputError as refusal:

@@ -211,3 +211,19 @@ def test_oracles_use_nothing_of_the_package():
             for name in ([alias.name for alias in node.names] + [getattr(node, "module", None) or ""])
         }
         assert not [name for name in imported if "susp_ctrl" in name]
+
+
+@pytest.mark.parametrize("size", [1.1e40, 1e160, 1e308])
+def test_numbers_whose_products_have_no_range_are_refused(size):
+    """Larger gains and entries once ended in the linear algebra, or in no end."""
+    loop = sc.DelayLTI.from_state_delays(
+        A=[[[-1.0, 1.0], [0.0, -2.0]], [[0.0, 0.0], [0.5, 0.0]]], delays=[0.3]
+    )
+    for call in (
+        lambda: loop.with_gains([size]),
+        lambda: sc.root_locus(loop, "gains", [size]),
+        lambda: sc.DelayLTI.from_state_delays(A=[[[-size]], [[1.0]]], delays=[0.3]),
+        lambda: loop * size,
+    ):
+        with pytest.raises(sc.InputError, match=r"at most 1e[+]40 is needed"):
+            call()

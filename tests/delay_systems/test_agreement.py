@@ -172,3 +172,8 @@ def test_a_crossing_next_to_zero_is_one():
     sweep = sc.sweep_delays(system_of(A, delays), direction=direction, start=delays - direction, up_to=1.2)
     assert sweep.decided
     assert sweep.crossings["omega"].to_numpy() == pytest.approx([9.588e-5], rel=1e-3)
+
+
+def test_a_double_root_that_a_pair_of_starts_stands_for():
+    """At 3.8e-10, beside a norm of 7: the discretisation gives a pair that meets on the axis."""
+    check_agreement(3_986_143_362, largest_map=0)

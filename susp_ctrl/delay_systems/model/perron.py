@@ -51,15 +51,22 @@ _LEAST = 1e-290
 
 
 def certified_radius(M: FloatArray) -> float:
-    """Return a number not below the spectral radius of a non-negative matrix, within about one percent of it."""
+    """Return a number not below the spectral radius of a non-negative matrix, within about one percent of it.
+
+    It is infinite where entries or sums of them leave the range of numbers.
+    """
     n = M.shape[0]
-    candidate = 1.01 * float(np.max(np.abs(np.linalg.eigvals(M)))) + 1e-6 * float(np.linalg.norm(M) / n)
-    if candidate == 0.0:
-        return 0.0
-    candidate = max(candidate, _LEAST)
-    while True:
-        # x > 0 with M x < candidate x certifies the bound (Collatz and Wielandt)
-        x = np.linalg.solve(candidate * np.eye(n) - M, np.ones(n))
-        if np.all(x > 0) and np.all(M @ x < candidate * x):
-            return candidate
-        candidate *= 1.1
+    if not np.all(np.isfinite(M)):
+        return np.inf
+    with np.errstate(over="ignore", invalid="ignore"):
+        candidate = 1.01 * float(np.max(np.abs(np.linalg.eigvals(M)))) + 1e-6 * float(np.linalg.norm(M) / n)
+        if candidate == 0.0:
+            return 0.0
+        candidate = max(candidate, _LEAST)
+        while candidate < np.inf:
+            # x > 0 with M x < candidate x certifies the bound (Collatz and Wielandt)
+            x = np.linalg.solve(candidate * np.eye(n) - M, np.ones(n))
+            if np.all(x > 0) and np.all(M @ x < candidate * x):
+                break
+            candidate *= 1.1
+    return candidate

@@ -87,8 +87,10 @@ class DelaySystem(LTI):
             name=system_name(name),
             dt=0,
         )
-        tau.setflags(write=False)
-        g.setflags(write=False)
+        validation.entries("plant", *vars(realization).values())
+        validation.entries("gains", g)
+        for array in (tau, g):
+            array.setflags(write=False)
         self._realization = realization
         self._delays, self._gains, self._widths = tau, g, tuple(blocks)
         self._written: SystemMatrix | None = None

@@ -62,14 +62,15 @@ def refine(K: CharacteristicMatrix, starts: ComplexArray) -> RefinedRoots:
     with np.errstate(all="ignore"):
         limits, steps = _newton(K, starts, _local_size(K, starts))
         finite = np.isfinite(limits) & np.isfinite(steps)
-        limits, steps = limits[finite], steps[finite]
+        limits, steps, paired = limits[finite], steps[finite], starts.imag[finite] > 0.0
         limits = np.where(limits.imag < 0.0, limits.conj(), limits)
         uncertain = _uncertainty(K, limits, steps)
         kept = steps < np.maximum(1e-2 * np.abs(limits), 10.0 * uncertain)
-    limits, steps, uncertain = limits[kept], steps[kept], uncertain[kept]
+    limits, steps, uncertain, paired = limits[kept], steps[kept], uncertain[kept], paired[kept]
     found: list[tuple[complex, float, float]] = []
     error = np.maximum(steps, np.where(np.isfinite(uncertain), uncertain, 0.0))
-    simple = _are_simple(K, limits, steps, uncertain)
+    # a start that stood for a pair and met the axis stands for two roots there, or for one that rounding split
+    simple = _are_simple(K, limits, steps, uncertain) & ~(paired & (limits.imag == 0.0))
     # what has no digits left says nothing about its neighbours
     reach = np.minimum(10.0 * error, _VAGUE * np.maximum(np.abs(limits), _bend(K)))
     for members in _groups(limits, reach + _NEAR * np.abs(limits)):
