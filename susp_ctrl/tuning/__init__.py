@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from susp_ctrl.tuning.abscissa import SpectralAbscissa
-from susp_ctrl.tuning.objectives import BandMean, BandPeak, Harmonic, RoadRms
+from susp_ctrl.tuning.objectives import BandMean, BandPeak, Harmonic, RoadRms, SpectralAbscissa
 from susp_ctrl.tuning.problem import Limit, TuningProblem
 from susp_ctrl.tuning.swarm import pso
 from susp_ctrl.tuning.trade_off import ParetoFront, pareto_front

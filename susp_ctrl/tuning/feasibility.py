@@ -23,6 +23,7 @@ determinant of the larger matrix has the same zeros and no such pole.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -182,11 +183,11 @@ class StabilityTest:
         f = return_determinant(self._p22_base, channel_exponentials(scaled, delays, self._base))
         size = np.abs(f)
         phase = np.angle(f[:, 1:] * f[:, :-1].conj())
-        path = self._path(sizes, totals, self._bounds[0], np.s_[:, :, 0])
-        doubtful = ~(self._gap | (path < size[:, 1:] + size[:, :-1]))
+        path = self._path(sizes, totals, self._bounds[0], np.s_[:, 0])
+        room = size[:, 1:] + size[:, :-1]
+        doubtful = ~(self._gap | (path < room))
         certain = np.ones(len(gains), dtype=bool)
-        who, where = np.nonzero(doubtful)
-        if who.size:
+        for who, where in _worst_first(doubtful, path / np.maximum(room, 1e-300), certain):
             phase[who, where], failed = self._refined(scaled, delays, sizes, totals, who, where)
             certain[who[failed]] = False
         turns = (phase.sum(axis=1) - np.angle(f[:, -1])) / np.pi
@@ -207,7 +208,7 @@ class StabilityTest:
         """Return the phase over doubtful intervals as the sum over their parts, and which stay doubtful."""
         f = self._determinant(gains[who], delays[who], where, np.s_[::SPLIT])
         phase = np.angle(f[:, 1:] * f[:, :-1].conj())
-        path = self._path(sizes[who], totals[who], self._bounds[1], np.s_[:, where])
+        path = self._path(sizes[who], totals[who], self._bounds[1], np.s_[where])
         row, part = np.nonzero(path >= np.abs(f[:, 1:]) + np.abs(f[:, :-1]))
         failed = np.zeros(who.size, dtype=bool)
         if row.size:
@@ -216,7 +217,7 @@ class StabilityTest:
             f = self._determinant(gains[design], delays[design], interval[:, None], columns)
             phase[row, part] = np.angle(f[:, 1:] * f[:, :-1].conj()).sum(axis=1)
             path = self._path(
-                sizes[design], totals[design], self._bounds[2], np.s_[:, interval[:, None], columns[:, :-1]]
+                sizes[design], totals[design], self._bounds[2], np.s_[interval[:, None], columns[:, :-1]]
             )
             failed[row[np.any(path >= np.abs(f[:, 1:]) + np.abs(f[:, :-1]), axis=1)]] = True
         return phase.sum(axis=1), failed
@@ -234,14 +235,12 @@ class StabilityTest:
         result: Any = 0.0
         for k in range(sizes.shape[1]):
             size, total = sizes[:, k, None], totals[:, k, None]
-            variation, area = (array[at][k] for array in (bounds.variation, bounds.area))
-            result = result + size * (variation + total * area)
+            result = result + size * (bounds.variation[k][at] + total * bounds.area[k][at])
             if self._tolerance:
                 shift = self._tolerance * total
                 grown = np.exp(self._decay * shift)
-                upper = bounds.upper[at[1:]]
-                turned = 2.0 * np.sin(np.minimum(upper * shift, np.pi) / 2)
-                result = result + 2.0 * size * bounds.largest[at][k] * (grown - 1.0 + grown * turned)
+                turned = 2.0 * np.sin(np.minimum(bounds.upper[at] * shift, np.pi) / 2)
+                result = result + 2.0 * size * bounds.largest[k][at] * (grown - 1.0 + grown * turned)
         return result
 
     def _tabulate(self, limits: FloatArray, delay_limits: FloatArray, level: float) -> None:
@@ -272,6 +271,23 @@ class StabilityTest:
     def _minors(self, p22: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return c_S up to sign, the principal minors, shape (sets, ...)."""
         return np.stack([np.linalg.det(p22[..., s, :][..., s]) for s in self._sets])
+
+
+def _worst_first(
+    doubtful: NDArray[np.bool_], share: FloatArray, certain: NDArray[np.bool_]
+) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Yield (designs, intervals) that are doubtful, each design's worst first, more of them each time.
+
+    One interval that stays doubtful decides a design: those that are no longer `certain` are left out of what follows.
+    """
+    order = np.argsort(np.where(doubtful, -share, 0.0), axis=1, kind="stable")
+    left = doubtful.sum(axis=1)
+    first, last = 0, 1
+    while np.any(certain & (left > first)):
+        rank = np.arange(first, min(last, order.shape[1]))
+        who, column = np.nonzero(certain[:, None] & (rank < left[:, None]))
+        yield who, order[who, rank[column]]
+        first, last = last, 4 * last
 
 
 def _base_grid(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,8 +16,9 @@ from susp_ctrl.delay_systems import spectral_abscissa
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.errors import InputError
+from susp_ctrl.tuning.case import Case
 from susp_ctrl.tuning.feasibility import SmallGain, StabilityTest
-from susp_ctrl.tuning.objectives import BoundObjective, Objective
+from susp_ctrl.tuning.objectives import Objective
 from susp_ctrl.tuning.sampling import ControlledPlant
 
 # The best delay is often none at all, and a control loop always has some: one millisecond by default.
@@ -46,33 +47,6 @@ class Limit:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "at_most", validation.number("at_most", self.at_most, above=0))
-
-
-class Case(NamedTuple):
-    """One vehicle of a problem, sampled; the delays it has of its own come first among the channels."""
-
-    objective: BoundObjective
-    limits: tuple[BoundObjective, ...]
-    stability: StabilityTest
-    fixed_gains: FloatArray
-    fixed_delays: FloatArray
-    delay_factors: FloatArray
-
-    def worst(self, objective: BoundObjective, points: FloatArray) -> FloatArray:
-        """Return the largest value of an objective over the delay factors, points (n, 2 m) to (n,)."""
-        return np.max([objective.evaluate(*self.spread(points, f)) for f in self.delay_factors], axis=0)
-
-    def spread(
-        self, points: FloatArray, delay_factor: FloatArray | float = 1.0
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return gains and delays, shape (n, channels), of design vectors (n, 2 m)."""
-        gains, delays = np.split(points, 2, axis=1)
-        delays = delays * delay_factor
-        if self.fixed_gains.size:
-            shape = (len(points), self.fixed_gains.size)
-            gains = np.hstack([np.broadcast_to(self.fixed_gains, shape), gains])
-            delays = np.hstack([np.broadcast_to(self.fixed_delays, shape), delays])
-        return gains, delays
 
 
 class TuningProblem:
@@ -227,7 +201,7 @@ class TuningProblem:
 
     def values(self, points: FloatArray) -> FloatArray:
         """Return J of many designs, points (n, 2 m) to (n,), whether they are feasible or not."""
-        return np.max([case.worst(case.objective, points) for case in self._cases], axis=0)
+        return np.max([case.values(points) for case in self._cases], axis=0)
 
     def violations(self, points: FloatArray) -> FloatArray:
         """Return how far designs are from feasible, points (n, 2 m) to (n,): 0 if feasible.
@@ -236,18 +210,19 @@ class TuningProblem:
         doubt has 1/2, an unstable one its number of roots on the wrong side. Thus stability always comes
         first, and limits are compared among stable designs.
         """
-        worst = np.zeros(len(points))
-        for case in self._cases:
-            over = np.zeros(len(points))
-            for limit, bound in zip(self.limits, case.limits, strict=True):
-                over += np.maximum(case.worst(bound, points) / limit.at_most - 1.0, 0.0)
-            unstable = case.stability.violations(*case.spread(points))
-            worst = np.maximum(worst, np.where(unstable > 0, unstable, 0.5 * over / (1.0 + over)))
-        return worst
+        return self.evaluate(points)[1]
 
     def evaluate(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (values, violations) of many designs: what the swarm asks for."""
-        return self.values(points), self.violations(points)
+        most = np.array([limit.at_most for limit in self.limits])
+        values, violations = np.full(len(points), -np.inf), np.zeros(len(points))
+        for case in self._cases:
+            worst = case.outcomes(points).max(axis=1)
+            values = np.maximum(values, worst[:, 0])
+            over = np.maximum(worst[:, 1:] / most - 1.0, 0.0).sum(axis=1)
+            unstable = case.stability.violations(*case.spread(points))
+            violations = np.maximum(violations, np.where(unstable > 0, unstable, 0.5 * over / (1.0 + over)))
+        return values, violations
 
     def _case(self, plant: Any) -> Case:
         m = len(self.pairs)

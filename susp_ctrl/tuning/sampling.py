@@ -18,8 +18,11 @@ import numpy as np
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model import Realization, SampledPlant, sample_plant
+from susp_ctrl.delay_systems.model import Realization, SampledPlant, return_solve, sample_plant
 from susp_ctrl.errors import InputError
+
+# Without pivoting an elimination may lose as many digits as its multipliers have.
+LARGEST_GROWTH = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,3 +113,41 @@ def channel_exponentials(gains: FloatArray, delays: FloatArray, omega: FloatArra
     E.real = (1.0 - square) * scale
     E.imag = 2.0 * u * scale
     return np.moveaxis(E, 0, -1)
+
+
+def solve_returns(m22: ComplexArray, right_side: ComplexArray) -> ComplexArray:
+    """Solve ``(I - M22) X = right_side`` for many designs and frequencies in step.
+
+    Parameters
+    ----------
+    m22 : ndarray of complex, shape (n, f, m, m)
+    right_side : ndarray of complex, shape (f, m, columns)
+
+    Returns
+    -------
+    ndarray of complex, shape (n, f, m, columns)
+        Three signals and more are eliminated in their order, each for all points at once; points where a pivot
+        is small beside its column are solved one by one, with pivoting.
+    """
+    m, columns = right_side.shape[1:]
+    if m < 3:
+        return np.asarray(return_solve(m22, right_side))
+    W = np.empty((m, m + columns, *m22.shape[:2]), dtype=complex)
+    W[:, :m] = np.moveaxis(m22, (2, 3), (0, 1))
+    W[:, m:] = np.moveaxis(right_side, 0, -1)[:, :, None]
+    growth = np.zeros(m22.shape[:2])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for k in range(m):
+            pivot = 1.0 - W[k, k]
+            W[k, k + 1 :] /= pivot
+            if k + 1 < m:
+                below = W[k + 1 :, k]
+                np.maximum(growth, np.abs(below).max(axis=0) / np.abs(pivot), out=growth)
+                W[k + 1 :, k + 1 :] += below[:, None] * W[k, k + 1 :]
+        for k in range(m - 1, 0, -1):
+            W[:k, m:] += W[:k, k, None] * W[k, m:]
+    X = np.moveaxis(W[:, m:], (0, 1), (2, 3))
+    design, point = np.nonzero(~(growth < LARGEST_GROWTH))
+    if design.size:
+        X[design, point] = return_solve(m22[design, point], right_side[point])
+    return X

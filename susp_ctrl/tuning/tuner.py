@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ SAME_DESIGN = 1e-3
 EXACTLY_JUDGED = 16
 # Values closer than this, relative to the passive value, are equal: the better damped design wins.
 TIE = 1e-9
+# Rough shares of the time, for the progress only; the rest is the judging of designs.
+_SWARM, _POLISH = 0.5, 0.4
 
 
 def tune(
@@ -34,6 +37,7 @@ def tune(
     seed: int | np.random.Generator = 0,
     *,
     polish_starts: int = 8,
+    progress: Callable[[str, float], Any] | None = None,
     **swarm: Any,
 ) -> OptimizeResult:
     r"""Find the gains and delays of a tuning problem: min J(x) over the box, subject to stability.
@@ -51,6 +55,9 @@ def tune(
         As in `pso`.
     polish_starts : int
         Number of basins to polish; 0 returns the swarm's own best.
+    progress : callable, optional
+        Called as ``progress(stage, fraction)`` with the stage in words and roughly the share of the whole search
+        done, 0 to 1: after every step of the swarm, every basin polished and every design judged.
     **swarm
         Further settings of `pso`: topology, preset, inertia, cognitive, social, velocity_clamp, stagnation,
         patience, tolerance, target, initial, callback.
@@ -88,17 +95,36 @@ def tune(
     if not isinstance(problem, TuningProblem):
         raise InputError(f"problem is a {type(problem).__name__}: a TuningProblem is needed")
     starts = validation.integer("polish_starts", polish_starts, at_least=0)
+    if progress is not None:
+        validation.function("progress", progress)
+    told = progress or (lambda stage, fraction: None)
+    callback = swarm.pop("callback", None)
+
+    def after_step(state: OptimizeResult) -> Any:
+        told("swarm", _SWARM * state.nit / iterations)
+        return callback is not None and callback(state)
+
     record = _Record(problem)
-    found = pso(record, problem.lower, problem.upper, particles, iterations, seed=seed, **swarm)
+    found = pso(
+        record, problem.lower, problem.upper, particles, iterations, seed=seed, callback=after_step, **swarm
+    )
     feasible = found["candidate_violations"] == 0
     candidates, values = found["candidates"][feasible], found["candidate_values"][feasible]
-    polished = [polish(problem, x) for x in record.basins(starts)]
+    polished = []
+    basins = record.basins(starts)
+    for number, x in enumerate(basins, 1):
+        polished.append(polish(problem, x))
+        told("polish", _SWARM + _POLISH * number / len(basins))
     if polished:
         candidates = np.concatenate([polished, candidates])
         values = np.concatenate([problem.values(np.array(polished)), values])
 
-    candidates, values = _exact_values(problem, candidates, values)
-    chosen, verdicts, refused = _select(problem, candidates, values)
+    def judged(share: float) -> None:
+        told("stability verdict", _SWARM + _POLISH + (1.0 - _SWARM - _POLISH) * share)
+
+    candidates, values = _exact_values(problem, candidates, values, judged)
+    chosen, verdicts, refused = _select(problem, candidates, values, judged)
+    judged(1.0)
     message = str(found["message"])
     if chosen is None and found["success"]:
         message = f"no feasible point found: the stability verdict confirmed none of {refused} candidates"
@@ -152,15 +178,18 @@ class _Record:
 
 
 def _exact_values(
-    problem: TuningProblem, candidates: FloatArray, values: FloatArray
+    problem: TuningProblem, candidates: FloatArray, values: FloatArray, judged: Callable[[float], None]
 ) -> tuple[FloatArray, FloatArray]:
     """Judge the best designs exactly where the search could not afford it (spectral abscissa)."""
     exact = getattr(problem.objective, "exact", None)
     if exact is None:
         return candidates, values
     best = np.argsort(values, kind="stable")[:EXACTLY_JUDGED]
-    judged = [max(exact(loop) for loop in problem.loops(x)) for x in candidates[best]]
-    return candidates[best], np.array(judged)
+    exactly = []
+    for number, x in enumerate(candidates[best], 1):
+        exactly.append(max(exact(loop) for loop in problem.loops(x)))
+        judged(0.5 * number / best.size)
+    return candidates[best], np.array(exactly)
 
 
 def _within(problem: TuningProblem, points: FloatArray, centre: FloatArray, size: float) -> NDArray[np.bool_]:
@@ -170,13 +199,14 @@ def _within(problem: TuningProblem, points: FloatArray, centre: FloatArray, size
 
 
 def _select(
-    problem: TuningProblem, candidates: FloatArray, values: FloatArray
+    problem: TuningProblem, candidates: FloatArray, values: FloatArray, judged: Callable[[float], None]
 ) -> tuple[int | None, list[StabilityVerdict], int]:
     """Return the best candidate whose loops are all proven stable, its verdicts, and how many better failed."""
     refused = 0
     confirmed: list[tuple[float, int, list[StabilityVerdict]]] = []
     worst = np.inf
-    for k in np.argsort(values, kind="stable"):
+    for number, k in enumerate(np.argsort(values, kind="stable")):
+        judged(0.5 + 0.5 * number / len(values))
         if values[k] > worst:
             break
         if any(_within(problem, candidates[k], candidates[c], SAME_DESIGN) for _, c, _ in confirmed):

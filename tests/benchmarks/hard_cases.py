@@ -3,7 +3,8 @@
     python tests/benchmarks/hard_cases.py [--row NAME] [--systems 60] [--states 100 200 400]
 
 Rows: `smith` (predictors with exact and inexact models), `random` (full-rank delayed matrices), `large` (many
-states, two delayed signals), `h2` (norms of random systems), `map` (two full-rank delayed matrices), `half_car`.
+states, two delayed signals), `h2` (norms of random systems), `map` (two full-rank delayed matrices), `half_car`,
+`tune` (four channels, three limits, corners of the delays, inside and outside the small-gain box).
 Set OMP_NUM_THREADS=1. It uses public names only: PYTHONPATH chooses the version that is measured.
 """
 
@@ -130,6 +131,43 @@ def half_car(options):
         verdict_row("half car", sc.close_loop(sc.HalfCar().plant(), channels))
 
 
+def tuning_problem(kind, share):
+    """Half car, two channels per axle, strokes and a tire limited, delays within 10 %; `share` scales the gains."""
+    car, road = sc.HalfCar(), sc.RandomRoad(iso_class="C", speed=20.0)
+    lags = {"road_front": 0.0, "road_rear": car.axle_lag(20.0)}
+    comfort = {"body_acceleration": 0.7, "pitch_acceleration": 0.3}
+    limited = ("suspension_deflection_front", "suspension_deflection_rear", "tire_deflection_front")
+    signals = ("unsprung_displacement", "suspension_velocity")
+    pairs = [(f"{signal}_{end}", f"force_{end}") for signal in signals for end in ("front", "rear")]
+    bounds = share * np.array([[-120e3, 120e3]] * 2 + [[-3e3, 3e3]] * 2)
+
+    def rms(name):
+        return sc.RoadRms(road, {name: 1.0}, lags)
+
+    idle = [sc.TuningProblem(car.plant(), pairs, rms(name), bounds).passive_value for name in limited]
+    objective = {
+        "rms": lambda: sc.RoadRms(road, comfort, lags),
+        "peak": lambda: sc.BandPeak((1, 100), comfort, lags),
+    }
+    limits = [sc.Limit(rms(name), 1.1 * value) for name, value in zip(limited, idle, strict=True)]
+    return sc.TuningProblem(
+        car.plant(), pairs, objective[kind](), bounds, (0.001, 0.5),
+        limits=limits, delay_tolerance=0.1, worst_case_delays=True,
+    )  # fmt: skip
+
+
+def tune(options):
+    for kind in ("rms", "peak"):
+        for share in (0.3, 0.5, 1.0):
+            problem = tuning_problem(kind, share)
+            seconds, best = timed(lambda problem=problem: sc.tune(problem, particles=20, iterations=15))
+            name = f"tune {kind}, box {share:g}, proven {problem.proven}"
+            print(
+                f"{name:34s} {seconds:8.3f} s  J {best.fun!r}, passive {problem.passive_value:.6g}",
+                flush=True,
+            )
+
+
 ROWS = {
     "smith": smith,
     "random": random,
@@ -137,6 +175,7 @@ ROWS = {
     "h2": h2,
     "map": stability_map,
     "half_car": half_car,
+    "tune": tune,
 }
 
 

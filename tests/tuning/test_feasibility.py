@@ -8,6 +8,7 @@ import pytest
 from oracles import characteristic_function
 from tuning.tuning_case import PAIRS, random_designs
 
+import susp_ctrl.tuning.feasibility as feasibility
 from susp_ctrl.delay_systems import FeedbackChannel, close_loop, count_unstable_roots, loop_plant
 from susp_ctrl.delay_systems.model.lft import Realization
 from susp_ctrl.tuning.counting_grid import counting_grid
@@ -229,6 +230,35 @@ def test_channels_without_gain_are_stable_with_a_stable_plant():
     test = StabilityTest(half_car(), np.array([3e5, 3e5]), np.ones(2))
     assert not test.proven
     assert test.violations(np.zeros((3, 2)), np.full((3, 2), 0.3)).tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.property
+@pytest.mark.parametrize(("tolerance", "decay"), [(0.0, 0.0), (0.2, 0.0), (0.2, 0.5)])
+def test_undecided_designs_are_not_refined_to_the_end(monkeypatch, tolerance, decay):
+    """What is certain is the same as with every doubtful interval refined; of the others few are looked at."""
+    designs = random_designs(60, seed=4, gain=(2e5, 2e5))
+    gains, delays = designs[:, :2], designs[:, 2:]
+    test = StabilityTest(half_car(), np.array([2e5, 2e5]), np.ones(2), decay, tolerance)
+    refined = []
+    real = StabilityTest._refined
+
+    def counted(self, *arguments):
+        refined.append(arguments[-2])
+        return real(self, *arguments)
+
+    monkeypatch.setattr(StabilityTest, "_refined", counted)
+    roots, certain = test.count(gains, delays)
+    some = np.bincount(np.concatenate(refined), minlength=60)
+    refined.clear()
+    monkeypatch.setattr(feasibility, "_worst_first", lambda doubtful, share, certain: [np.nonzero(doubtful)])
+    all_roots, all_certain = test.count(gains, delays)
+    every = np.bincount(np.concatenate(refined), minlength=60)
+    np.testing.assert_array_equal(certain, all_certain)
+    np.testing.assert_array_equal(roots, all_roots)
+    np.testing.assert_array_equal(some[certain], every[certain])
+    assert certain.any()
+    if tolerance:
+        assert some[~certain].sum() < every[~certain].sum() / 10
 
 
 @pytest.mark.slow

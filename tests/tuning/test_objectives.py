@@ -23,7 +23,7 @@ from tuning.tuning_case import (
 from susp_ctrl.errors import InputError
 from susp_ctrl.road import HarmonicRoad, RandomRoad
 from susp_ctrl.tuning import BandMean, BandPeak, Harmonic, RoadRms, TuningProblem
-from susp_ctrl.tuning.resonance_rule import resonance_rule
+from susp_ctrl.tuning.objectives.resonance_rule import resonance_rule
 from susp_ctrl.tuning.sampling import channel_exponentials
 from susp_ctrl.vehicle import HalfCar, QuarterCar
 

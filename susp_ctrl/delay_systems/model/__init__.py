@@ -16,6 +16,7 @@ from susp_ctrl.delay_systems.model.lft import (
     lft_response,
     loop_response,
     return_determinant,
+    return_solve,
     sample_plant,
 )
 from susp_ctrl.delay_systems.model.perron import perron_bound, scaled_row_sums

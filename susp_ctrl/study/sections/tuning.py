@@ -34,9 +34,8 @@ def tuning_run(bench: Workbench, settings: TuningSettings, report: Report) -> Tu
     TuningRun
     """
     problem = _problem(bench, settings)
-    total = max(settings.iterations, 1)
     chosen = {name: getattr(settings, name) for name in ("particles", "iterations", "topology", "seed")}
-    best = tune(problem, **chosen, callback=lambda state: report(0.9 * state.nit / total))
+    best = tune(problem, **chosen, progress=lambda _, share: report(0.99 * share))
     objective = _objective_text(bench, settings)
     if best.success:
         reference = f"found here: {objective}"
