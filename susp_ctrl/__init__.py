@@ -52,6 +52,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "spectral_abscissa",
         "count_unstable_roots",
         "stability",
+        "prove_stability",
         "sweep_delays",
         "delay_independent_stability",
         "stability_map",

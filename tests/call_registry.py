@@ -126,6 +126,7 @@ def calls() -> dict[str, Call]:
             sc.TwoTrackRoad, {"road": s["road"], "track_width": 1.5, "seed": 2, "omega_p": None}
         ),
         "append": (sc.append, {"first": loop}),
+        "prove_stability": (sc.prove_stability, {"sys": loop, "right_of": 0.0, "precision": 64, "most_boxes": 20}),
         "characteristic_roots": (sc.characteristic_roots, {"sys": loop, "count": 3}),
         "close_loop": (sc.close_loop, {"plant": open_plant, "channels": s["channel"], "name": "L"}),
         "comfort_bands": (sc.comfort_bands, {"weighted_rms": 0.4}),

@@ -27,6 +27,7 @@ from susp_ctrl.delay_systems.frequency import (
     stability_margins,
 )
 from susp_ctrl.delay_systems.maps import StabilityMap, stability_map
+from susp_ctrl.delay_systems.proof import StabilityProof, prove_stability
 from susp_ctrl.delay_systems.roots import (
     RootLocus,
     characteristic_roots,
