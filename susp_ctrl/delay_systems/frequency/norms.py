@@ -142,12 +142,14 @@ def h2_norm(sys: Any, tolerance: float = 1e-9) -> float:
     ------
     UnstableSystemError
         The system is not proven stable.
+    TooMuchWorkError
+        The tolerance is not reached in bounded work: long delays and fast poles together.
 
     Notes
     -----
-    At high frequency ``H = M(omega)/(j omega) + O(omega^-2)`` with M a sum of delayed constants; the tail of its
-    square is a sum of sine integrals. The rest is integrated adaptively; the band is widened until the norm
-    no longer changes.
+    At high frequency H is a series in ``1/(j omega)`` whose coefficients are sums of delayed constants; the tail of
+    its square is a sum of sine and cosine integrals. The rest is integrated adaptively; the band is widened until the
+    norm no longer changes.
 
     References
     ----------
@@ -157,7 +159,7 @@ def h2_norm(sys: Any, tolerance: float = 1e-9) -> float:
     relative = validation.number("tolerance", tolerance, at_least=1e-12, below=1.0)
     system = _proven_stable(sys, "H2 norm")
     loop = system.folded
-    direct, first = leading_terms(loop)
+    direct, terms = leading_terms(loop)
     if any(np.any(matrix != 0.0) for matrix in direct.values()):
         return np.inf
 
@@ -170,8 +172,8 @@ def h2_norm(sys: Any, tolerance: float = 1e-9) -> float:
     body = float(_integral(power, 0.0, edge, part, knots))
     previous, change = np.inf, np.inf
     for _ in range(12):
-        # what the closed form leaves out falls with the third power of the edge, by 8 at every doubling
-        total = body + squared_tail(first, edge)
+        # what the closed form leaves out falls with the fifth power of the edge, by 32 at every doubling
+        total = body + squared_tail(terms, edge)
         before, change = change, abs(total - previous)
         # what is left out oscillates with the delays: one change alone can be small by chance
         if change <= relative * total and before <= 10.0 * relative * total:
@@ -288,8 +290,11 @@ def _knots(system: DelaySystem) -> FloatArray:
     """Where the integrand has its peaks: quadrature must not step over them."""
     roots = probable_roots(CharacteristicMatrix.of(system.folded), 12)
     upper = roots[roots.imag >= 0.0]
-    points = around_resonances(upper, np.array([-30.0, -10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0, 30.0]))
-    return np.unique(points[points > 0.0])
+    # beyond, by decades: a slow pole's flank reaches up to the fast ones
+    offsets = np.append([1.0, 3.0], 10.0 ** np.arange(1.0, 17.0))
+    offsets = np.concatenate([-offsets[:5], [0.0], offsets])
+    points = around_resonances(upper, offsets)
+    return np.unique(points[(points > 0.0) & (points < 30.0 * _frequency_scale(system.folded))])
 
 
 def _frequency_scale(loop: FoldedLoop) -> float:

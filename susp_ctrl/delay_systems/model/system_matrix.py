@@ -58,8 +58,10 @@ class SystemMatrix:
         k, p, q = len(entries), system.noutputs, system.ninputs
         terms: dict[Term, FloatArray] = {}
         for v, (i, j) in enumerate(entries):
+            # a power of two common to both is no rounding and no matter
+            common = -int(np.frexp(np.max(np.abs(system.den[i][j])))[1])
             for row, coefficients in ((v, system.den[i][j]), (k + i, system.num[i][j])):
-                values = np.trim_zeros(np.atleast_1d(coefficients), "f")
+                values = np.ldexp(np.trim_zeros(np.atleast_1d(coefficients), "f"), common)
                 for power, value in enumerate(values[::-1].tolist()):
                     terms.setdefault((power, None), np.zeros((k + p, k + q)))[row, v] = value
             terms.setdefault((0, None), np.zeros((k + p, k + q)))[v, k + j] = 1.0

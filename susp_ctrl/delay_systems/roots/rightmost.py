@@ -225,6 +225,8 @@ def roots_right_of(K: CharacteristicMatrix, line: float) -> RootSet:
     if K.n_channels == 0:
         found = _without_delay(K, K.n_states)
         return found.first(int(np.sum(found.roots.real > line)))
+    if line > K.root_bound:
+        return _nothing()._replace(complete=True)
     used, wanted = _count_near(K, line)
     if wanted is not None and wanted > MOST_ROOTS:
         raise InputError(

@@ -10,6 +10,7 @@ import pytest
 import susp_ctrl as sc
 from susp_ctrl.delay_systems.frequency import norms
 from susp_ctrl.delay_systems.frequency.adaptive_quadrature import integrate
+from susp_ctrl.delay_systems.frequency.high_frequency import leading_terms, squared_tail
 from susp_ctrl.delay_systems.frequency.response_bounds import local_response, tail_bound
 
 LAG = ct.tf([1], [1, 1])
@@ -304,3 +305,36 @@ def test_a_norm_that_would_take_too_long_says_so():
     slow_and_fast = ct.tf([1.0], [1e-6, 1.0]) + sc.delay(1.0) * ct.tf([1.0], [1.0, 1.0])
     with pytest.raises(sc.TooMuchWorkError, match="a larger tolerance is needed"):
         sc.h2_norm(slow_and_fast)
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("slow", [1e-15, 1e-13, 1e-9, 1e-4, 1.0])
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_h2_norm_with_a_pole_far_slower_than_the_others(slow, unit):
+    """(s + 1)/(s^2 + 2 s + a0): the square is (a0 + 1)/(4 a0); a delay changes nothing."""
+    plant = ct.tf([1.0 / unit, 1.0 / unit**2], [1.0, 2.0 / unit, slow / unit**2])
+    exact = np.sqrt((slow + 1.0) / (4.0 * slow) / unit)
+    assert sc.h2_norm(sc.delay(unit) * plant) == pytest.approx(exact, rel=2e-9)
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("fast", [1e2, 1e3, 1e4])
+def test_h2_norm_of_a_fast_path_beside_a_slow_one(fast):
+    """e^-s/(s + 1) + e^-0.5s b/(s + b): 1/2 + b/2 + 2 times the integral of both responses from t = 1 on."""
+    both = sc.parallel(sc.delay(1.0) * ct.tf([1.0], [1.0, 1.0]), sc.delay(0.5) * ct.tf([fast], [1.0, fast]))
+    exact = np.sqrt(0.5 + 0.5 * fast + 2.0 * fast * np.exp(-0.5 * fast) / (1.0 + fast))
+    assert sc.h2_norm(both) == pytest.approx(exact, rel=2e-9)
+
+
+@pytest.mark.analytical
+def test_tail_of_a_delayed_sum_against_quadrature():
+    """Of e^-s/(s + 2) - 3 e^-0.3s/(s + 5), by scipy from 2000 to 8000."""
+    both = sc.parallel(sc.delay(1.0) * ct.tf([1.0], [1.0, 2.0]), -sc.delay(0.3) * ct.tf([3.0], [1.0, 5.0]))
+    _, terms = leading_terms(both.folded)
+    edges = np.linspace(2000.0, 8000.0, 4001)
+    x, w = np.polynomial.legendre.leggauss(12)
+    half = 0.5 * np.diff(edges)
+    omega = (0.5 * (edges[1:] + edges[:-1]))[:, None] + half[:, None] * x
+    power = np.abs(both(1j * omega.ravel())) ** 2
+    body = float(np.sum((power.reshape(omega.shape) @ w) * half))
+    assert squared_tail(terms, 2000.0) - squared_tail(terms, 8000.0) == pytest.approx(body, rel=1e-10)

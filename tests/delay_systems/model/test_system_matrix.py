@@ -94,3 +94,14 @@ def test_what_is_given_as_state_space_has_nothing_else():
     assert (sc.delay(1.0) * ct.ss(-1.0, 1.0, 1.0, 0.0)).written is None
     system = sc.delay(1.0) * ct.tf([1.0], [1.0, 1.0])
     assert system.with_delays([2.0]).with_names(name="P").written is system.written
+
+
+@pytest.mark.analytical
+@pytest.mark.parametrize("factor", [1e-150, 1e-30, 1.0, 1e30, 1e60, 1e155, 1e200])
+def test_a_common_factor_of_a_transfer_function_is_no_matter(factor):
+    """e^-s/(s + 1), open and in a loop, as any multiple of both polynomials."""
+    lag = sc.delay(1.0) * ct.tf([factor], [factor, factor])
+    assert sc.stability(lag).stable is True
+    verdict = sc.stability(sc.feedback(lag, 0.5))
+    assert verdict.stable is True
+    assert None not in verdict.agreement.values()

@@ -64,3 +64,11 @@ def test_random_roots_equal_the_argument_principle(seed):
 @given(st.integers(2**31, 2**32 - 1))
 def test_many_random_roots_equal_the_argument_principle(seed):
     check_roots_and_count(seed)
+
+
+@pytest.mark.parametrize("line", [10.0, 1e6, 1e300])
+def test_no_root_lies_right_of_the_bound(line):
+    assert (
+        sc.characteristic_roots(sc.DelayLTI.from_state_delays([[[0.0]], [[-1.0]]], [1.0]), right_of=line).size
+        == 0
+    )
