@@ -142,7 +142,7 @@ def test_results_have_no_truth_value():
 
 
 @pytest.mark.property
-@pytest.mark.parametrize("delays", [(1e-6, 1e3), (0.1, 1e3)])
+@pytest.mark.parametrize("delays", [(1e-6, 1e3), pytest.param((0.1, 1e3), marks=pytest.mark.slow)])
 def test_a_sweep_over_hundreds_of_turns_gives_up_in_time(delays):
     """Some hundred crossings beside each other: not proven, and said so, within a second or two of work."""
     A0, A1, A2 = [[0, 1], [-1, -0.2]], [[0, 0], [0.3, 0.1]], [[0, 0], [-0.2, 0.3]]
@@ -157,7 +157,7 @@ def test_a_sweep_over_hundreds_of_turns_gives_up_in_time(delays):
 
 
 @pytest.mark.property
-@pytest.mark.parametrize("seed", [0, 2])
+@pytest.mark.parametrize("seed", [2, pytest.param(0, marks=pytest.mark.slow)])
 def test_incommensurate_delays_are_proven(seed):
     """Where real and imaginary part have nearly the same direction boxes are left over in long strips."""
     rng = np.random.default_rng(seed)

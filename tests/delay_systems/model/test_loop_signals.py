@@ -38,7 +38,7 @@ def both(plant, delay):
 @pytest.mark.analytical
 @pytest.mark.parametrize(("plant", "law"), [FIRST_ORDER, SECOND_ORDER, THIRD_ORDER])
 @pytest.mark.parametrize("ways", [(out, out), (into, into), (into, out), (both, both), (both, out)])
-@pytest.mark.parametrize("delay", [0.3, 400.0])
+@pytest.mark.parametrize("delay", [0.3, 40.0, pytest.param(400.0, marks=pytest.mark.slow)])
 def test_the_delay_of_an_exact_smith_predictor_moves_no_root(plant, law, ways, delay):
     loop = predictor(plant, law, ways[0](plant, delay), ways[1](plant, delay))
     closed = control.feedback(law * plant, 1)
