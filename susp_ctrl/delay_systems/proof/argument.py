@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +28,8 @@ class AxisWalk:
         Number of intervals.
     far : float
         Beyond this nothing vanishes (rad/s).
-    place : float
-        Where the walk ended (rad/s).
+    points : tuple of float
+        Ends of the intervals (rad/s), from 0 as far as the walk came.
     reason : str
         Why nothing is proven, empty otherwise.
     """
@@ -37,7 +38,7 @@ class AxisWalk:
     zeros: int | None
     steps: int
     far: float
-    place: float
+    points: tuple[float, ...]
     reason: str
 
 
@@ -45,9 +46,10 @@ def walk_along_axis(f: Enclosed, most_steps: int) -> AxisWalk:
     """Exclude zeros of `f` on the axis, interval after interval, and count those right of it by the phase."""
     far = f.far()
     if far is None:
-        return AxisWalk(False, None, 0, np.inf, 0.0, "the leading coefficient cannot be told from zero")
-    here, phase, last = flint.arb(0), flint.arb(0), None
+        return AxisWalk(False, None, 0, np.inf, (0.0,), "the leading coefficient cannot be told from zero")
+    phase, last, points = flint.arb(0), None, [0.0]
     for step in range(most_steps):
+        here = flint.arb(points[-1])
         value = f.value(here)
         if last is not None:
             # both lie in one disc that leaves out zero
@@ -56,15 +58,16 @@ def walk_along_axis(f: Enclosed, most_steps: int) -> AxisWalk:
         if here == far:
             zeros = _zeros(f, here, value, phase)
             reason = "" if zeros is not None else "the phase is not narrow enough to be a number of roots"
-            return AxisWalk(True, zeros, step, float(far), float(far), reason)
+            return AxisWalk(True, zeros, step, float(far), tuple(points), reason)
         length = f.free_length(here, far)
-        if length is None:
-            where = float(here)
-            reason = f"a root lies on the line near {where:.6g} rad/s, as far as these numbers tell"
-            return AxisWalk(False, None, step, float(far), where, reason)
-        here = here + length if here + length < far else far
+        # the next point is a float, so that a certificate can name it
+        end = points[-1] if length is None else min(math.nextafter(points[-1] + length, 0.0), float(far))
+        if end <= points[-1]:
+            reason = f"a root lies on the line near {points[-1]:.6g} rad/s, as far as these numbers tell"
+            return AxisWalk(False, None, step, float(far), tuple(points), reason)
+        points.append(end)
     reason = f"more than {most_steps} intervals of the line are needed"
-    return AxisWalk(False, None, most_steps, float(far), float(here), reason)
+    return AxisWalk(False, None, most_steps, float(far), tuple(points), reason)
 
 
 def _zeros(f: Enclosed, end: Ball, value: Ball, phase: Ball) -> int | None:

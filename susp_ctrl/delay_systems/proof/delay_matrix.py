@@ -103,7 +103,7 @@ class DelayMatrix:
                 total[k] += flint.acb_mat(matrix) * weight
         return total
 
-    def free_length(self, here: Ball, far: Ball) -> Ball | None:
+    def free_length(self, here: Ball, far: Ball) -> float | None:
         """Return a length over which the determinant stays in a disc around its value here, zero outside."""
         taylor = self._taylor(here, _ORDER)
         try:
@@ -121,7 +121,7 @@ class DelayMatrix:
             h = flint.arb(length)
             total = first[0] + first[1] * h + rest * h ** (_ORDER - 1)
             if _within_unit_disc(total):
-                return h
+                return length
             length /= 2.0
         return None
 

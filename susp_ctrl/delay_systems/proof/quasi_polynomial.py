@@ -62,7 +62,7 @@ class QuasiPolynomial:
         """Return ``f(j omega)``."""
         return self.around(omega, 1)[0]
 
-    def free_length(self, here: Ball, far: Ball) -> Ball | None:
+    def free_length(self, here: Ball, far: Ball) -> float | None:
         """Return a length over which f stays within a disc around its value here that leaves out zero."""
         taylor = self.around(here, _ORDER)
         size = taylor[0].abs_lower()
@@ -75,7 +75,7 @@ class QuasiPolynomial:
             h = flint.arb(length)
             total = sum((c.abs_upper() * h**k for k, c in enumerate(taylor[1:-1], 1)), flint.arb(0))
             if total + rest * h ** (_ORDER - 1) < size:
-                return h
+                return length
             length /= 2.0
         return None
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
@@ -20,6 +22,7 @@ from susp_ctrl.errors import InputError
 # Determinants that may be spent on writing the characteristic function out; beyond, it is taken as a determinant.
 _MOST_DETERMINANTS = 3000
 _MOST_PRECISION = 1100
+_DEEPEST = 200  # divisions of a box within each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,8 @@ class StabilityProof:
         Distance from the line's point on the real axis beyond which no root can lie (rad/s).
     precision : int
         Bits of the arithmetic.
+    evidence : dict or None
+        What `certificate` adds: the matrix and the intervals.
     """
 
     stable: bool | None
@@ -58,6 +63,31 @@ class StabilityProof:
     boxes: int
     beyond: float
     precision: int
+    evidence: dict[str, Any] | None
+
+    def certificate(self) -> str:
+        """Return the proof as JSON text, which `check_certificate.py` beside this module checks without this package.
+
+        Raises
+        ------
+        InputError
+            Nothing is proven, or the loop has so many delayed signals that its characteristic function was not written
+            out.
+        """
+        if self.roots is None or self.evidence is None:
+            reason = "nothing is proven" if self.roots is None else "its determinant was not written out"
+            raise InputError(f"this proof has no certificate: {reason}")
+        data = {
+            "format": "susp_ctrl stability certificate 1",
+            "roots": self.roots,
+            "right_of": self.right_of.hex(),
+            "precision": self.precision,
+            "delays": [[v.hex() for v in row] for row in self.delays.tolist()],
+            "gains": [[v.hex() for v in row] for row in self.gains.tolist()],
+            **self.evidence,
+        }
+        digest = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+        return json.dumps({**data, "sha256": digest}, sort_keys=True)
 
     def __bool__(self) -> NoReturn:
         """Refuse: a proof may have failed, which is neither true nor false."""
@@ -141,16 +171,17 @@ def prove_stability(
     )
     centre = np.repeat(0.5 * (box[:, :1] + box[:, 1:]), 2, axis=1)
     found = search.walk(centre)
-    roots, reason, parts = found.zeros, found.reason, 1
+    roots, reason = found.zeros, found.reason
+    tree: dict[str, Any] = {}
     if roots is not None and np.any(box[:, 0] < box[:, 1]):
         # roots depend continuously on the box: none comes over the line if none is on it anywhere
-        reason, parts = search.exclude(box, validation.integer("most_boxes", most_boxes, at_least=1))
+        reason, tree = search.exclude(box, validation.integer("most_boxes", most_boxes, at_least=1))
         roots = None if reason else roots
     stable = True if roots == 0 and line <= 0.0 else False if roots and line >= 0.0 else None
     split = system.delays.size
     return StabilityProof(
-        stable, roots, line, reason or _told(roots, line), box[:split], box[split:], search.intervals, parts,
-        search.beyond, search.precision,
+        stable, roots, line, reason or _told(roots, line), box[:split], box[split:], search.intervals,
+        max(search.parts, 1), search.beyond, search.precision, search.terms(found.points, tree),
     )  # fmt: skip
 
 
@@ -159,26 +190,30 @@ class _Search:
 
     def __init__(self, matrix: SystemMatrix, line: float, precision: int | None, most_intervals: int) -> None:
         self.matrix, self.line, self.most_intervals = matrix, line, most_intervals
-        self.intervals, self.beyond = 0, 0.0
+        self.intervals, self.beyond, self.parts, self.depth = 0, 0.0, 0, 0
         self._fixed = precision is not None
         self.precision = precision or 96 + 4 * matrix.unknowns
         self._expansions: dict[int, Expansion | None] = {}
 
-    def exclude(self, box: FloatArray, most: int) -> tuple[str, int]:
-        """Prove that no root is on the line anywhere in a box; return why not, and the parts it was divided into."""
-        open_, parts = [box], 0
-        while open_:
-            part = open_.pop()
-            found = self.walk(part)
-            parts += found.clear
-            if found.clear:
-                continue
-            if np.all(part[:, 0] == part[:, 1]):
-                return found.reason, parts
-            if parts + len(open_) + 2 > most:
-                return f"{found.reason}; more than {most} parts of the box are needed", parts
-            open_ += _halves(part, found.place)
-        return "", parts
+    def exclude(self, box: FloatArray, most: int) -> tuple[str, dict[str, Any]]:
+        """Prove that no root is on the line anywhere in a box; return why not, and the parts as a tree."""
+        found = self.walk(box)
+        if found.clear:
+            self.parts += 1
+            return "", {"points": [point.hex() for point in found.points]}
+        if np.all(box[:, 0] == box[:, 1]):
+            return found.reason, {}
+        if self.parts + 2 > most or self.depth >= _DEEPEST:
+            return f"{found.reason}; more than {most} parts of the box are needed", {}
+        k, low, high = _halves(box, found.points[-1])
+        self.depth += 1
+        tree: dict[str, Any] = {"split": k, "at": float(high[k, 0]).hex()}
+        for name, half in (("low", low), ("high", high)):
+            reason, tree[name] = self.exclude(half, most)
+            if reason:
+                return reason, {}
+        self.depth -= 1
+        return "", tree
 
     def walk(self, box: FloatArray) -> AxisWalk:
         """Walk along the line with balls for the numbers of a box, a point with as many bits as it needs."""
@@ -191,6 +226,18 @@ class _Search:
             if found.zeros is not None or self._fixed or not point or 2 * self.precision > _MOST_PRECISION:
                 return found
             self.precision *= 2
+
+    def terms(self, centre: tuple[float, ...], parts: dict[str, Any]) -> dict[str, Any] | None:
+        """Return what a certificate holds of the function and the intervals; None where the matrix was enclosed."""
+        if self._expansions.get(self.precision) is None:
+            return None
+        n = self.matrix.unknowns
+        terms = [
+            [power, k, [[float(v).hex() for v in row] for row in matrix[:n, :n]]]
+            for (power, k), matrix in self.matrix.terms.items()
+            if np.any(matrix[:n, :n] != 0.0)
+        ]
+        return {"terms": terms, "centre": [point.hex() for point in centre], "parts": parts}
 
     def _function(self, box: FloatArray) -> QuasiPolynomial | DelayMatrix:
         numbers = [_ball(*row) for row in box.tolist()]
@@ -227,15 +274,14 @@ def _ranges(name: str, given: Sequence[Any] | None, own: FloatArray) -> FloatArr
     return result
 
 
-def _halves(box: FloatArray, omega: float) -> list[FloatArray]:
+def _halves(box: FloatArray, omega: float) -> tuple[int, FloatArray, FloatArray]:
     """Divide a box along the number that moves the characteristic function most at a frequency."""
     n, width = len(box) // 2, box[:, 1] - box[:, 0]
     largest = np.maximum(np.max(np.abs(box), axis=1), 1e-300)
     k = int(np.argmax(np.append(max(abs(omega), 1e-300) * width[:n], width[n:] / largest[n:])))
-    middle = 0.5 * (box[k, 0] + box[k, 1])
     first, second = box.copy(), box.copy()
-    first[k, 1] = second[k, 0] = middle
-    return [first, second]
+    first[k, 1] = second[k, 0] = 0.5 * (box[k, 0] + box[k, 1])
+    return k, first, second
 
 
 def _told(roots: int | None, line: float) -> str:
