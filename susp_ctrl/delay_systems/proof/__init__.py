@@ -19,6 +19,10 @@ its columns of the highest power of s, and
 
    .. math:: \sum_{k=1}^{n-1} |F_k| r^k + |F_n(I)| r^n < |F_0|.
 
+   or, where the delayed terms are small and turn fast, with the Taylor coefficients :math:`p_{ik}` of their polynomials
+
+   .. math:: \sum_{k \ge 1} |p_{0k}| r^k + 2 \sum_{i \ge 1} \sum_{k \ge 0} |p_{ik}| r^k < |F_0|.
+
    Such intervals follow one another from 0 to W; negative frequencies are their mirror.
 3. **The phase.** In such a disc the change of the phase is the principal argument of the quotient of two values.
    Let :math:`\Delta` be their sum from 0 to jW, and :math:`\varphi` the principal argument of f(jW)/(c (jW)^N). On the

@@ -119,10 +119,17 @@ def roots(f: list[tuple[arb_poly, arb]], degree: int, points: list[float]) -> ar
     demand(points[0] == 0.0, "the line does not begin at zero")
     for a, b in itertools.pairwise(points):
         F, h = taylor(f, arb(a)), arb(b) - arb(a)
-        last = taylor(f, arb(a).union(arb(b)))[-1].abs_upper() * h ** (ORDER - 1)
         demand(h > 0, f"the interval {a} to {b} is none")
-        largest = sum((v.abs_upper() * h**k for k, v in enumerate(F[1:-1], 1)), last)
-        demand(largest < F[0].abs_lower(), f"the function may vanish between {a} and {b} rad/s")
+        last = taylor(f, arb(a).union(arb(b)))[-1].abs_upper() * h ** (ORDER - 1)
+        by_series = sum((v.abs_upper() * h**k for k, v in enumerate(F[1:-1], 1)), last)
+        by_sizes = arb(0)
+        for i, (p, _) in enumerate(f):
+            moved = acb_poly(p)(acb_poly([acb(0, a), acb(0, 1)])).coeffs()
+            by_sizes += sum(
+                (v.abs_upper() * h**k * (2 if i else min(k, 1)) for k, v in enumerate(moved)), arb(0)
+            )
+        free = by_series < F[0].abs_lower() or by_sizes < F[0].abs_lower()
+        demand(free, f"the function may vanish between {a} and {b} rad/s")
         phase, before = (phase if before is None else phase + (F[0] / before).arg()), F[0]
     end = taylor(f, W)[0]
     if before is not None:

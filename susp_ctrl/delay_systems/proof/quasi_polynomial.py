@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,40 +42,75 @@ class QuasiPolynomial:
     lags: tuple[Ball, ...]
     degree: int
 
-    def around(self, omega: Ball, order: int) -> list[Ball]:
+    @cached_property
+    def _turns(self) -> list[tuple[Ball, Ball, Ball]]:
+        """Polynomial, ``-j lag`` and the series of ``exp(-j lag h)`` of every term."""
+        found = []
+        for polynomial, lag in zip(self.polynomials, self.lags, strict=True):
+            turn, series = flint.acb(0, -lag), [flint.acb(1)]
+            for k in range(1, _ORDER):
+                series.append(series[-1] * turn / k)
+            found.append((flint.acb_poly(polynomial), turn, flint.acb_poly(series)))
+        return found
+
+    def around(self, omega: Ball) -> list[Ball]:
         """Return the first Taylor coefficients of ``h -> f(j (omega + h))``."""
         total = flint.acb_poly([0])
-        start = flint.acb(0, omega)
-        line = flint.acb_poly([start, flint.acb(0, 1)])
-        for polynomial, lag in zip(self.polynomials, self.lags, strict=True):
-            shifted = flint.acb_poly(polynomial)(line).truncate(order)
+        line = flint.acb_poly([flint.acb(0, omega), flint.acb(0, 1)])
+        for (polynomial, turn, series), lag in zip(self._turns, self.lags, strict=True):
+            shifted = polynomial(line)
             if not is_zero(lag):
-                turn = flint.acb(0, -lag)
-                factor, exponential = (turn * omega).exp(), [flint.acb(1)]
-                for k in range(1, order):
-                    exponential.append(exponential[-1] * turn / k)
-                shifted = (shifted * flint.acb_poly(exponential)).truncate(order) * factor
-            total += shifted
+                shifted = (shifted * series) * (turn * omega).exp()
+            total += shifted.truncate(_ORDER)
         coefficients = total.coeffs()
-        return coefficients + [flint.acb(0)] * (order - len(coefficients))
+        return coefficients + [flint.acb(0)] * (_ORDER - len(coefficients))
 
     def value(self, omega: Ball) -> Ball:
         """Return ``f(j omega)``."""
-        return self.around(omega, 1)[0]
+        start = flint.acb(0, omega)
+        terms = zip(self._turns, self.lags, strict=True)
+        return sum(
+            (p(start) if is_zero(lag) else p(start) * (turn * omega).exp() for (p, turn, _), lag in terms),
+            flint.acb(0),
+        )
 
-    def free_length(self, here: Ball, far: Ball) -> float | None:
+    def free_length(self, here: float, far: Ball) -> float | None:
         """Return a length over which f stays within a disc around its value here that leaves out zero."""
-        taylor = self.around(here, _ORDER)
+        start = flint.arb(here)
+        least = max(here * _NARROWEST, float(far) * _NARROWEST**4)
+        lengths = [self._by_magnitudes(start, float(far), least), self._by_taylor(start, float(far), least)]
+        return max((length for length in lengths if length is not None), default=None)
+
+    def _by_taylor(self, start: Ball, far: float, least: float) -> float | None:
+        taylor = self.around(start)
         size = taylor[0].abs_lower()
         if not size > 0:
             return None
-        least = max(float(here) * _NARROWEST, float(far) * _NARROWEST**4)
-        length = _longest([_root_of_ratio(c, size, k) for k, c in enumerate(taylor[1:], 1)], float(far))
+        length = _longest([_root_of_ratio(c, size, k) for k, c in enumerate(taylor[1:], 1)], far)
         while length > least:
-            rest = self.around(here + flint.arb(length / 2, length / 2), _ORDER)[-1].abs_upper()
+            rest = self.around(start + flint.arb(length / 2, length / 2))[-1].abs_upper()
             h = flint.arb(length)
             total = sum((c.abs_upper() * h**k for k, c in enumerate(taylor[1:-1], 1)), flint.arb(0))
             if total + rest * h ** (_ORDER - 1) < size:
+                return length
+            length /= 2.0
+        return None
+
+    def _by_magnitudes(self, start: Ball, far: float, least: float) -> float | None:
+        """As by Taylor's series, but of the delayed terms only the magnitudes: many turns of small terms at once."""
+        size = self.value(start).abs_lower()
+        line = flint.acb_poly([flint.acb(0, start), flint.acb(0, 1)])
+        sums = [flint.arb(0)] * (self.degree + 1)
+        for place, (polynomial, _, _) in enumerate(self._turns):
+            for k, coefficient in enumerate(polynomial(line).coeffs()):
+                sums[k] += coefficient.abs_upper() * (2 if place else int(k > 0))
+        room = size - sums[0]
+        if not room > 0:
+            return None
+        length = _longest([_root_of_ratio(c, room, k) for k, c in enumerate(sums[1:], 1)], far)
+        while length > least:
+            h = flint.arb(length)
+            if sum((c * h**k for k, c in enumerate(sums)), flint.arb(0)) < size:
                 return length
             length /= 2.0
         return None
@@ -193,7 +229,7 @@ def _root_of_ratio(coefficient: Ball, size: Ball, k: int) -> float:
 def _longest(rates: list[float], most: float) -> float:
     """Return the largest power-of-two-like length with ``sum (rate_k length)^k <= 0.8``, at most twice `most`."""
     high = 2.0 * most
-    top = max(rates)
+    top = max(rates, default=0.0)
     if top <= 0.0:
         return high
     low, high = 0.2 / top, min(1.0 / top, high)
