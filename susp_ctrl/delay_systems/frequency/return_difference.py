@@ -27,6 +27,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import shortest_path
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.frequency.response_bounds import state_scale
@@ -77,21 +78,24 @@ class ReturnDifference:
     def __init__(self, loop: FoldedLoop) -> None:
         plant, self.delays = loop
         self.n, m = plant.n_states, plant.n_channels
-        scale = state_scale(plant.A, np.hstack([plant.B2, plant.B1]), np.vstack([plant.C2, plant.C1]))
+        # closed through the delay behind the output too: without any cycle the units would be arbitrary
+        C1 = np.abs(plant.C1) + np.abs(plant.D12) @ np.abs(plant.C2)
+        scale = state_scale(plant.A, np.hstack([plant.B2, plant.B1]), np.vstack([plant.C2, C1]))
         self.A = plant.A * scale / scale[:, None]
         self.into = np.hstack([plant.B2, plant.B1]) / scale[:, None]
         self.around = np.hstack([plant.C2 * scale, plant.D22, plant.D21])
         self.out = np.hstack([plant.C1 * scale, plant.D12, plant.D11])[0]
         self.size = self.n + m + 1
+        self.elimination = _order(np.vstack([np.hstack([self.A, self.into]), self.around])[:, :-1])
 
     def values(self, omega: FloatArray, weight: FloatArray) -> ComplexArray:
         """Return S at frequencies (rad/s), with L multiplied by weights; infinite where 1 + weight L vanishes."""
-        return inverses(self._matrices(omega, weight))[:, -1, -1]
+        return self._inverses(self._matrices(omega, weight))[:, -1, -1]
 
     def expansion(self, omega: FloatArray, weight: FloatArray, half: FloatArray | None = None) -> Expansion:
         """Expand S, with L multiplied by weights, about frequencies; `half` are half widths for the remainder."""
         K = self._matrices(omega, weight)
-        unknowns = self._unknowns(K, inverses(K), self._by_frequency, _ORDER, 1.0)
+        unknowns = self._unknowns(K, self._inverses(K), self._by_frequency, _ORDER, 1.0)
         rest = np.zeros((omega.size, self.size)) if half is None else self._rest(unknowns, 2.0 * half)
         return Expansion(unknowns.states[:, :, -1], unknowns.errors[:, :, -1], rest[:, -1])
 
@@ -105,7 +109,7 @@ class ReturnDifference:
         the more so the smaller the interval is: about a pole or zero the weighted function must come to look linear.
         """
         K = self._matrices(omega, np.zeros(omega.size))
-        unknowns = self._unknowns(K, inverses(K), self._by_frequency, _ORDER, 1.0)
+        unknowns = self._unknowns(K, self._inverses(K), self._by_frequency, _ORDER, 1.0)
         with np.errstate(invalid="ignore"):
             L, wrong = unknowns.states @ self.out, unknowns.errors @ np.abs(self.out)
             missed = self._rest(unknowns, 2.0 * half) @ np.abs(self.out)
@@ -136,7 +140,7 @@ class ReturnDifference:
         zero = np.zeros(1)
         weight = self.expansion_within(zero, zero, any_weight)[1]
         K = self._matrices(zero, weight)
-        return self._at_end(K, inverses(K), self._by_frequency, half)
+        return self._at_end(K, self._inverses(K), self._by_frequency, half)
 
     def expansion_at_infinity(self, half: FloatArray) -> tuple[Expansion, float]:
         """Expand S in ``1/omega`` about zero, without delays, for several half widths in a unit that is returned."""
@@ -175,6 +179,17 @@ class ReturnDifference:
         K[:, -1, :] = weight[:, None] * self.out
         K[:, n:, n:] += np.eye(self.size - n)
         return K
+
+    def _inverses(self, K: ComplexArray) -> ComplexArray:
+        """Invert matrices in the order of signals in which elimination keeps to the loop's own zeros.
+
+        What drives a signal comes after it, so that K without its last row is block triangular and no pivot is taken
+        from another block: a chain of integrators is inverted by substitution, exact to rounding of each entry.
+        """
+        X = np.empty_like(K)
+        order = self.elimination
+        X[:, order[:, None], order] = inverses(K[:, order[:, None], order])
+        return X
 
     @property
     def _by_frequency(self) -> ComplexArray:
@@ -241,6 +256,12 @@ class ReturnDifference:
         certain = np.all(solved[:, :, 0] >= 1.0 - 1e-9, axis=1)
         result[usable] = np.where(certain[:, None], solved[:, :, 1], np.inf)
         return result
+
+
+def _order(driven_by: FloatArray) -> np.ndarray:
+    """Order signals, the input last, such that each comes before those that drive it and do not depend on it."""
+    drives = np.isfinite(shortest_path(driven_by != 0.0, unweighted=True))
+    return np.append(np.argsort(-drives.sum(axis=1), kind="stable"), len(driven_by))
 
 
 def _reciprocal(L: ComplexArray, wrong: FloatArray, missed: FloatArray, half: FloatArray) -> Expansion:
