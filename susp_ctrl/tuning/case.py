@@ -60,6 +60,14 @@ class Case:
         values = joint.evaluate(*self.spread(points, self.delay_factors))
         return values.reshape(len(points), len(self.delay_factors), -1)
 
+    def accurate(self, x: FloatArray) -> FloatArray:
+        """Return the objective and the limits of one design, the worst of the corners, each by its own evaluation."""
+        gains, delays = self.spread(x[None], self.delay_factors)
+        objectives = [self.objective, *self.limits]
+        return np.max(
+            [[_accurate(o, g, t) for o in objectives] for g, t in zip(gains, delays, strict=True)], axis=0
+        )
+
     def slopes(self, points: FloatArray, lines: bool = False) -> FloatArray:
         """Return the derivatives of `outcomes` by the design, (n, corners, outcomes, 2 m); nan where unknown."""
         joint = self._line_by_line if lines else self._together
@@ -94,3 +102,8 @@ class Case:
             for fixed in (self.fixed_gains, self.fixed_delays)
         ]
         return np.hstack([own[0], gains]), np.hstack([own[1], delays])
+
+
+def _accurate(objective: BoundObjective, gains: FloatArray, delays: FloatArray) -> float:
+    own = getattr(objective, "accurate", None)
+    return float(own(gains, delays) if own else objective.evaluate(gains[None], delays[None])[0])

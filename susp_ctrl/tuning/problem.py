@@ -16,6 +16,7 @@ from susp_ctrl.delay_systems import spectral_abscissa
 from susp_ctrl.delay_systems.channels import FeedbackChannel, close_loop, loop_plant
 from susp_ctrl.delay_systems.delay_lti import DelayLTI
 from susp_ctrl.errors import InputError
+from susp_ctrl.tuning.box_sample import box_sample
 from susp_ctrl.tuning.case import Case
 from susp_ctrl.tuning.feasibility import SmallGain, StabilityTest
 from susp_ctrl.tuning.objectives import Objective
@@ -151,10 +152,9 @@ class TuningProblem:
         if not self.plants:
             raise InputError("plant is an empty list: at least one plant is needed")
         self._cases = tuple(self._case(each) for each in self.plants)
-        idle = np.zeros((1, 2 * m))
-        idle[0, m:] = self.lower[m:]
+        idle = np.concatenate([np.zeros(m), self.lower[m:]])
         passive_stable = all(spectral_abscissa(each) < 0 for each in self.plants)
-        self.passive_value = float(self.values(idle)[0]) if passive_stable else np.nan
+        self.passive_value = self.accurate(idle)[0] if passive_stable else np.nan
 
     def replace(self, **changes: Any) -> TuningProblem:
         """Return a copy with some arguments changed."""
@@ -200,8 +200,18 @@ class TuningProblem:
         return [close_loop(plant, self.channels(x)) for plant in self.plants]
 
     def values(self, points: FloatArray) -> FloatArray:
-        """Return J of many designs, points (n, 2 m) to (n,), whether they are feasible or not."""
+        """Return J of many designs as the search sees it, points (n, 2 m) to (n,), feasible or not."""
         return np.max([case.values(points) for case in self._cases], axis=0)
+
+    def accurate(self, x: ArrayLike) -> tuple[float, float]:
+        """Return J of one design and its largest relative overshoot of a limit, not at the search's frequencies.
+
+        Integrals are adaptive and peaks refined for this design; the overshoot is 0 where all limits are kept.
+        """
+        design = validation.vector("x", x, size=self.dimension)
+        worst = np.max([case.accurate(design) for case in self._cases], axis=0)
+        most = np.array([limit.at_most for limit in self.limits])
+        return float(worst[0]), float(np.max(worst[1:] / most - 1.0, initial=0.0))
 
     def violations(self, points: FloatArray) -> FloatArray:
         """Return how far designs are from feasible, points (n, 2 m) to (n,): 0 if feasible.
@@ -232,12 +242,6 @@ class TuningProblem:
         channels = self.channels(corner)
         close_loop(base, channels)
         realization = loop_plant(base, channels)
-        controlled = ControlledPlant(
-            realization,
-            tuple(base.input_labels),
-            tuple(base.output_labels),
-            tuple(str(actuator) for _, actuator in self.pairs),
-        )
         fixed_gains, fixed_delays = base.channel_gains, base.channel_delays
         test = StabilityTest(
             realization,
@@ -245,6 +249,15 @@ class TuningProblem:
             np.append(fixed_delays, corner[m:]),
             self.decay_rate,
             self.delay_tolerance,
+        )
+        sample = box_sample(self.lower, self.upper, self._factors, (fixed_gains, fixed_delays), test)
+        controlled = ControlledPlant(
+            realization,
+            tuple(base.input_labels),
+            tuple(base.output_labels),
+            tuple(str(actuator) for _, actuator in self.pairs),
+            *sample,
+            (self.objective, *(limit.objective for limit in self.limits)),
         )
         limits = tuple(limit.objective.bind(controlled) for limit in self.limits)
         return Case(self.objective.bind(controlled), limits, test, fixed_gains, fixed_delays, self._factors)

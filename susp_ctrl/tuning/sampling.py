@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,12 +28,23 @@ LARGEST_GROWTH = 100.0
 
 @dataclass(frozen=True, eq=False)
 class ControlledPlant:
-    """The undelayed plant P of a tuning problem with the names of its signals."""
+    """The undelayed plant P of a tuning problem, the names of its signals, and a sample of the box.
+
+    Attributes
+    ----------
+    gains, delays : ndarray, shape (n, channels)
+        Designs for which an objective has to be accurate.
+    objectives : tuple
+        All that are bound to the plant: those over one band share their frequencies, and so their solves.
+    """
 
     realization: Realization
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     actuators: tuple[str, ...]
+    gains: FloatArray
+    delays: FloatArray
+    objectives: tuple[Any, ...] = ()
 
     def road_lags(self, lags: Mapping[str, float] | None) -> dict[int, float]:
         """Return {input number: lag in s} for every road input, or say which one is missing.

@@ -106,6 +106,9 @@ def pareto_front(
         result = tune(limited, **(search | {"initial": known[:particles]}))
         if result.success:
             found.append(result)
+        elif level == levels[-1]:
+            # the search does not see the limited value as accurately as the level is known
+            found.append(last)
     pairs = np.array([[_value(problem, r.x), _value(other, r.x)] for r in found])
     kept = [
         k
@@ -121,4 +124,4 @@ def pareto_front(
 
 
 def _value(problem: TuningProblem, x: FloatArray) -> float:
-    return float(problem.values(np.asarray(x)[None])[0])
+    return problem.accurate(x)[0]

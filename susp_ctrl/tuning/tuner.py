@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,14 @@ from susp_ctrl.tuning.swarm import pso
 # car 0.2 finds the best basin among the first eight in seeds where the swarm itself settled elsewhere.
 BASIN_SIZE = 0.2
 SAME_DESIGN = 1e-3
-# Designs compared in the end by an objective that is only approximate during the search.
-EXACTLY_JUDGED = 16
+# Designs judged in the end by an evaluation of their own.
+MOST_JUDGED = 16
+# By how much, of the passive value, the search is taken to be mistaken at least.
+SEARCH_ERROR = 1e-5
+# Mistakes of the search that are told, of the passive value.
+DOUBTED = 1e-3
+# By how much, relative, a limit may be passed: the search keeps limits by its own frequencies.
+LIMIT_TOLERANCE = 1e-4
 # Values closer than this, relative to the passive value, are equal: the better damped design wins.
 TIE = 1e-9
 # Rough shares of the time, for the progress only; the rest is the judging of designs.
@@ -43,7 +49,8 @@ def tune(
     r"""Find the gains and delays of a tuning problem: min J(x) over the box, subject to stability.
 
     A particle swarm with feasibility-first comparison, then a bounded local polish from the best basins the
-    swarm has visited, then the full stability verdict (roots, argument principle and sweep must agree) on the
+    swarm has visited. The best of what they found are judged again one by one: integrals and peaks at frequencies of
+    their own, limits too. Then the full stability verdict (roots, argument principle and sweep must agree) on the
     best design; if the verdict is not "stable", the next best one is taken. Of designs with equal J (within
     1e-9 of the passive value) the best damped one is returned.
 
@@ -76,6 +83,11 @@ def tune(
     ------
     InputError
         For settings out of range.
+
+    Warns
+    -----
+    RuntimeWarning
+        If the search was mistaken in designs as good as the one returned, by more than 1e-3 of the passive value.
 
     Examples
     --------
@@ -122,8 +134,16 @@ def tune(
     def judged(share: float) -> None:
         told("stability verdict", _SWARM + _POLISH + (1.0 - _SWARM - _POLISH) * share)
 
-    candidates, values = _exact_values(problem, candidates, values, judged)
-    chosen, verdicts, refused = _select(problem, candidates, values, judged)
+    chosen, fun, refused = None, np.nan, 0
+    verdicts: list[StabilityVerdict] = []
+    left = np.argsort(values, kind="stable")
+    while chosen is None and left.size:
+        best, left = _judged(problem, candidates, values, left, judged)
+        place, verdicts, more = _select(problem, candidates[best.designs], best.values, judged)
+        refused += more
+        if place is not None:
+            chosen, fun = int(best.designs[place]), float(best.values[place])
+            _warn_of_mistakes(problem, best, values[best.designs], place)
     judged(1.0)
     message = str(found["message"])
     if chosen is None and found["success"]:
@@ -133,7 +153,7 @@ def tune(
     result = OptimizeResult()
     result.update(
         x=found["x"] if chosen is None else candidates[chosen],
-        fun=np.nan if chosen is None else float(values[chosen]),
+        fun=fun,
         success=chosen is not None,
         status=found["status"],
         message=message,
@@ -144,7 +164,7 @@ def tune(
         stabilities=verdicts,
         history=found["history"],
         passive_value=problem.passive_value,
-        swarm_fun=found["fun"],
+        swarm_fun=problem.accurate(found["x"])[0] if found["success"] else found["fun"],
         refused=refused,
     )
     return result
@@ -177,19 +197,59 @@ class _Record:
         return found
 
 
-def _exact_values(
-    problem: TuningProblem, candidates: FloatArray, values: FloatArray, judged: Callable[[float], None]
-) -> tuple[FloatArray, FloatArray]:
-    """Judge the best designs exactly where the search could not afford it (spectral abscissa)."""
-    exact = getattr(problem.objective, "exact", None)
-    if exact is None:
-        return candidates, values
-    best = np.argsort(values, kind="stable")[:EXACTLY_JUDGED]
-    exactly = []
-    for number, x in enumerate(candidates[best], 1):
-        exactly.append(max(exact(loop) for loop in problem.loops(x)))
-        judged(0.5 * number / best.size)
-    return candidates[best], np.array(exactly)
+class _Judged(NamedTuple):
+    designs: NDArray[np.intp]
+    values: FloatArray
+
+
+def _judged(
+    problem: TuningProblem,
+    candidates: FloatArray,
+    searched: FloatArray,
+    left: NDArray[np.intp],
+    judged: Callable[[float], None],
+) -> tuple[_Judged, NDArray[np.intp]]:
+    """Judge the first of the candidates left by an evaluation of their own, as long as a design may still win.
+
+    By how much the search is mistaken shows on those judged before. Returns those within their limits, and what
+    is left.
+    """
+    mistaken = SEARCH_ERROR * _scale(problem, 0.0)
+    designs: list[int] = []
+    values: list[float] = []
+    seen: list[int] = []
+    looked_at = 0
+    for k in left:
+        if len(seen) == MOST_JUDGED or searched[k] - 2.0 * mistaken > min(values, default=np.inf):
+            break
+        looked_at += 1
+        if any(_within(problem, candidates[k], candidates[other], SAME_DESIGN) for other in seen):
+            continue
+        seen.append(int(k))
+        value, overshoot = problem.accurate(candidates[k])
+        judged(0.5 * len(seen) / MOST_JUDGED)
+        if overshoot <= LIMIT_TOLERANCE and np.isfinite(value):
+            designs.append(int(k))
+            values.append(value)
+            mistaken = max(mistaken, abs(value - searched[k]))
+    return _Judged(np.array(designs, dtype=np.intp), np.array(values)), left[looked_at:]
+
+
+def _warn_of_mistakes(problem: TuningProblem, best: _Judged, searched: FloatArray, place: int) -> None:
+    """Warn where the search took a design at least as good as the chosen one for another value than it has."""
+    misjudged = np.abs(best.values - searched)[searched <= searched[place]].max()
+    if misjudged > DOUBTED * _scale(problem, best.values[place]):
+        warnings.warn(
+            f"the search was mistaken by up to {misjudged:.2g} in designs as good as the one returned, whose "
+            f"J = {best.values[place]:.6g} is accurate: there may be better ones",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+
+
+def _scale(problem: TuningProblem, otherwise: float) -> float:
+    """Return the size of J without control."""
+    return abs(problem.passive_value) if np.isfinite(problem.passive_value) else abs(otherwise)
 
 
 def _within(problem: TuningProblem, points: FloatArray, centre: FloatArray, size: float) -> NDArray[np.bool_]:

@@ -114,10 +114,7 @@ def test_weights_scale_and_swarm_equals_single_designs():
     p = problem("road_rms")
     together = p.values(DESIGNS)
     np.testing.assert_allclose(together, [p.values(x[None])[0] for x in DESIGNS], rtol=1e-13)
-    double = TuningProblem(
-        HalfCar().plant(), PAIRS, RoadRms(road(), {k: 2 * w for k, w in WEIGHTS.items()}, LAGS),
-        gain_bounds=(-4e4, 4e4),
-    )  # fmt: skip
+    double = p.replace(objective=RoadRms(road(), {k: 2 * w for k, w in WEIGHTS.items()}, LAGS))
     np.testing.assert_allclose(double.values(DESIGNS), 2 * together, rtol=1e-13)
 
 

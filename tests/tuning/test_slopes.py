@@ -236,7 +236,8 @@ def test_one_solve_serves_all_that_read_the_same_frequencies(monkeypatch):
             patched.setattr(joint_module, "weighted_response", counted)
             together = p.cases[0].outcomes(x)[:, 0]
         assert asked == [4] * solves
-        alone = [p.replace(objective=each, limits=()).values(x) for each in (objective("road_rms"), *limited)]
+        case = p.cases[0]
+        alone = [each.evaluate(*np.split(x, 2, axis=1)) for each in (case.objective, *case.limits)]
         np.testing.assert_allclose(together, np.transpose(alone), rtol=1e-13)
 
 

@@ -91,7 +91,8 @@ def test_polish_improves_the_swarm_and_keeps_the_box():
     rough, fine = (tune(p, seed=3, iterations=30, polish_starts=n) for n in (0, 8))
     assert fine.fun < rough.fun == rough.swarm_fun == fine.swarm_fun
     assert np.all((fine.x >= p.lower) & (fine.x <= p.upper))
-    assert p.values(fine.x[None])[0] == fine.fun
+    assert p.values(fine.x[None])[0] == pytest.approx(fine.fun, rel=1e-3)
+    assert p.accurate(fine.x)[0] == fine.fun
 
 
 def test_result_describes_the_design():
@@ -270,7 +271,9 @@ def test_plant_with_a_delay_of_its_own():
     )  # fmt: skip
     x = np.array([[1.4e4, 0.22], [-2e4, 0.5]])
     both = np.column_stack([np.full(2, front.gain), x[:, 0], np.full(2, front.delay), x[:, 1]])
-    np.testing.assert_allclose(nested.values(x), flat.values(both), rtol=1e-12)
+    np.testing.assert_allclose(nested.values(x), flat.values(both), rtol=3e-5)  # other nodes
+    for one, two in zip(x, both, strict=True):
+        assert nested.accurate(one)[0] == pytest.approx(flat.accurate(two)[0], rel=1e-9)
     np.testing.assert_array_equal(nested.violations(x), flat.violations(both))
     a, b = (tune(p, particles=20, iterations=40, seed=0) for p in (nested, flat))
     np.testing.assert_allclose(a.x, b.x[[1, 3]], rtol=1e-3)
@@ -313,7 +316,7 @@ def test_pareto_front_is_one():
     assert second.min() <= alone.fun * (1 + 2e-6)
     assert first.min() < 0.95 * front.passive[0]
     design = front.table[["gain_1", "gain_2", "delay_1", "delay_2"]].to_numpy()
-    np.testing.assert_allclose(p.values(design), first, rtol=1e-12)
+    np.testing.assert_allclose([p.accurate(x)[0] for x in design], first, rtol=1e-12)
     assert all(result.stability.stable is True for result in front.results)
     axes = front.plot(xlabel="comfort")
     assert axes.get_xlabel() == "comfort"

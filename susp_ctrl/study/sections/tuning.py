@@ -138,7 +138,7 @@ def _value(bench: Workbench, settings: TuningSettings, problem: TuningProblem, d
             delay_bounds=[(delay, delay) for delay in delays],
             actuator_bandwidth=widths,
         )
-    return float(problem.values(np.array([[*gains, *delays]]))[0])
+    return problem.accurate([*gains, *delays])[0]
 
 
 def _closed_form(bench: Workbench, settings: TuningSettings, found: FloatArray) -> pd.DataFrame | None:

@@ -57,10 +57,6 @@ class SpectralAbscissa:
         D = chebyshev_differentiation(self.order)
         return SampledAbscissa(plant.realization, D[1:, 1:], D[1:, 0])
 
-    def exact(self, loop: DelayLTI) -> float:
-        """Return the abscissa of one loop from its exact roots."""
-        return float(spectral_abscissa(loop))
-
 
 @dataclass(frozen=True, eq=False)
 class SampledAbscissa:
@@ -69,6 +65,10 @@ class SampledAbscissa:
     realization: Realization
     inner: FloatArray  # (N, N), node values to their slopes
     inflow: FloatArray  # (N,), the value entering the line to the slopes
+
+    def accurate(self, gains: FloatArray, delays: FloatArray) -> float:
+        """Return the abscissa of one design, (m,) gains and delays (s), from its exact roots."""
+        return float(spectral_abscissa(DelayLTI(self.realization, delays, gains)))
 
     def evaluate(self, gains: FloatArray, delays: FloatArray) -> FloatArray:
         """Return the largest real part of each design's eigenvalues, shape (n,)."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from susp_ctrl.arrays import FloatArray
+from susp_ctrl.delay_systems.model import around_resonances
 
 NODES_PER_PANEL = 10
 # Shares of the logarithmic, even and resonant part. Of the mixtures tried on the half car (300 points, 400
@@ -40,19 +41,31 @@ def resonance_rule(
     -------
     omega, weights : ndarray, shape (points,)
     """
+    edges = resonance_edges(band, poles, -(-points // NODES_PER_PANEL))
+    return panel_rule(edges[:-1], edges[1:])
+
+
+def resonance_edges(band: tuple[float, float], poles: NDArray[np.complex128], panels: int) -> FloatArray:
+    """Return the ends of panels that hold equal shares of the density, shape (panels + 1,)."""
     low, high = band
-    fine = np.unique(np.concatenate([np.geomspace(low, high, 4001), np.linspace(low, high, 4001)]))
-    share = np.zeros(fine.size)
     resonant = poles[(poles.imag > 0) & (poles.real != 0)]
+    bells = around_resonances(resonant, np.tan(np.linspace(-1.5, 1.5, 201)))
+    inside = bells[(bells > low) & (bells < high)]
+    fine = np.unique(np.concatenate([np.geomspace(low, high, 4001), np.linspace(low, high, 4001), inside]))
+    share = np.zeros(fine.size)
     parts = [np.log(fine), fine]
     if resonant.size:
-        bells = np.arctan((fine[:, None] - resonant.imag) / np.abs(resonant.real))
-        parts.append(np.sum((bells - bells[0]) / (bells[-1] - bells[0]), axis=1))
+        angles = np.arctan((fine[:, None] - resonant.imag) / np.abs(resonant.real))
+        parts.append(np.sum((angles - angles[0]) / (angles[-1] - angles[0]), axis=1))
     for weight, part in zip(SHARES, parts, strict=False):
         share += weight * (part - part[0]) / (part[-1] - part[0])
-    panels = -(-points // NODES_PER_PANEL)
     edges = np.interp(np.linspace(0.0, share[-1], panels + 1), share, fine)
     edges[0], edges[-1] = low, high
+    return edges
+
+
+def panel_rule(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights of the Gauss-Legendre rule on panels with the given ends."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES_PER_PANEL)
-    middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+    middle, half = (low + high) / 2, (high - low) / 2
     return (middle[:, None] + half[:, None] * nodes).ravel(), (half[:, None] * weights).ravel()

@@ -11,6 +11,7 @@ lies between those of all directions, stands there.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -139,16 +140,25 @@ class SampledObjective:
         One input; the scale of each row and frequency is already in it.
     reading : Reading
         What is read from the responses.
+    judge : callable, optional
+        The value of one design, gains and delays (m,) to a number, where the frequencies only approximate it.
     """
 
     omega: FloatArray
     plant: SampledPlant
     reading: Reading
+    judge: Callable[[FloatArray, FloatArray], float] | None = None
 
     def evaluate(self, gains: FloatArray, delays: FloatArray) -> FloatArray:
         """Return one value per design, (n, m) gains and delays (s) to (n,)."""
         h = weighted_response(self.plant, self.omega, gains, delays)
         return self.reading.outcomes(h)[:, 0]
+
+    def accurate(self, gains: FloatArray, delays: FloatArray) -> float:
+        """Return the value of one design, (m,) gains and delays (s), by an evaluation of its own."""
+        if self.judge is None:
+            return float(self.evaluate(gains[None], delays[None])[0])
+        return self.judge(gains, delays)
 
     def line_by_line(self) -> SampledObjective:
         """Return the objective whose outcomes are the lines of the spectrum."""
