@@ -59,7 +59,7 @@ def feasible(p, count, seed=3):
 
 
 @pytest.mark.analytical
-@pytest.mark.parametrize("delays", [(1.0, 2.0), (0.0, 10.0)])
+@pytest.mark.parametrize("delays", [(1.0, 2.0), pytest.param((0.0, 10.0), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["road_rms", "band_mean"])
 def test_the_search_integrates_the_ripple_of_long_delays(name, delays):
     p = TuningProblem(HalfCar().plant(), PAIRS, OBJECTIVES[name](), (-34e3, 34e3), delays)
@@ -84,6 +84,7 @@ def test_resonances_of_a_lightly_damped_car_are_seen(name, damping):
 
 
 @pytest.mark.analytical
+@pytest.mark.slow
 def test_no_error_of_the_quadrature_is_taken_for_comfort():
     """Delays of 3 to 10 s: what is returned has the value it is said to have, however sharp the loop."""
     p = TuningProblem(HalfCar().plant(), PAIRS, OBJECTIVES["road_rms"](), (-1.5e5, 1.5e5), (3.0, 10.0))
