@@ -9,6 +9,7 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
+from susp_ctrl.ride.extremes import top
 
 # Likely reactions to the weighted RMS acceleration (m/s2) in public transport; they overlap on purpose.
 _BANDS = (
@@ -61,20 +62,15 @@ class Exposure(NamedTuple):
     vdv_ratio: float
 
 
-def mean_square(t: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the time average of values^2 along the last axis, by the trapezoidal rule."""
-    return np.asarray(trapezoid(values**2, t) / (t[-1] - t[0]))
-
-
 def exposure(t: FloatArray, weighted: FloatArray) -> Exposure:
     """Return the comfort figures of a weighted acceleration a_w(t).
 
     a_w = RMS; MTVV = max over t of the RMS of the last second; VDV = (integral a_w^4 dt)^(1/4), not divided
     by the duration T; crest factor = max|a_w(t)|/a_w; the ratios MTVV/a_w and VDV/(a_w T^(1/4)) tell where
-    the basic method is not enough.
+    the basic method is not enough. The largest magnitude is that of a parabola through the samples around it.
     """
     duration = t[-1] - t[0]
-    rms = float(np.sqrt(mean_square(t, weighted)))
+    rms = float(np.sqrt(trapezoid(weighted**2, t) / duration))
     vdv = float(trapezoid(weighted**4, t) ** 0.25)
     mtvv = _largest_running_rms(t, weighted, window=1.0)
     scale = rms if rms > 0 else np.nan
@@ -82,7 +78,7 @@ def exposure(t: FloatArray, weighted: FloatArray) -> Exposure:
         rms,
         mtvv,
         vdv,
-        float(np.max(np.abs(weighted)) / scale),
+        max(top(t, weighted), top(t, -weighted)) / scale,
         mtvv / scale,
         vdv / (scale * duration**0.25),
     )

@@ -51,7 +51,7 @@ def extremes(
     for name, values in evaluate(times).items():
         low, high = found[name]
         gain = _MOST_GAIN * (high - low)
-        found[name] = min(low, -_top(times, -values, gain)), max(high, _top(times, values, gain))
+        found[name] = min(low, -top(times, -values, gain)), max(high, top(times, values, gain))
         coarse |= max(low - found[name][0], found[name][1] - high) > _COARSE * (high - low)
     if coarse and t.size * _DENSER <= _MOST_TIMES:
         # samples so far apart may have passed over the largest value altogether
@@ -80,15 +80,15 @@ def _around(t: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray((t[a][:, None] + (t[b] - t[a])[:, None] * share).ravel())
 
 
-def _top(t: FloatArray, values: FloatArray, most: float) -> float:
+def top(t: FloatArray, values: FloatArray, most: float = np.inf) -> float:
     """Return the largest value of a curve through samples, by the parabola through the three around the largest."""
     k = int(np.argmax(values))
-    top = float(values[k])
+    largest = float(values[k])
     if not 0 < k < t.size - 1:
-        return top
-    (a, b), (c, d) = t[[k - 1, k + 1]] - t[k], values[[k - 1, k + 1]] - top
+        return largest
+    (a, b), (c, d) = t[[k - 1, k + 1]] - t[k], values[[k - 1, k + 1]] - largest
     # c = p a + q a^2, d = p b + q b^2; a < 0 < b
     q = (d / b - c / a) / (b - a)
     p = c / a - q * a
     gain = -p * p / (4.0 * q) if q < 0.0 else 0.0
-    return top + gain if gain <= most else top
+    return largest + gain if gain <= most else largest

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from scipy.integrate import trapezoid
-from scipy.interpolate import CubicSpline
 
 from susp_ctrl import validation
-from susp_ctrl.arrays import FloatArray
 from susp_ctrl.errors import InputError
-from susp_ctrl.ride.comfort import exposure, mean_square
-from susp_ctrl.ride.extremes import Signals, extremes
+from susp_ctrl.ride.exposures import exposures
 from susp_ctrl.ride.indicators import (
     COMFORT_WEIGHTS,
     VehicleLike,
@@ -24,12 +19,9 @@ from susp_ctrl.ride.indicators import (
     seat_combination,
     signal_unit,
 )
-from susp_ctrl.ride.weighting import weighted_history
+from susp_ctrl.ride.record import Limits, Record
 
 Row = tuple[str, float, str]
-Limits = Mapping[str, tuple[float, float]]
-
-_RATE_STEP = 1.0 / 32.0  # half the difference that stands for a derivative, in sampling steps
 
 
 def ride_indices(
@@ -79,14 +71,23 @@ def ride_indices(
           actuator drives the suspension.
 
         Peaks, least and largest loads and rates of a response of `simulate` are those of the exact solution between
-        the samples; of any other response, those of its samples. Figures of weighted accelerations are of samples.
-        MTVV and what follows from it is nan in records shorter than 1 s, ratios are nan for a car at rest.
+        the samples; of any other response, those of its samples. Means of every kind (RMS, mean power, weighted
+        figures) are taken from the samples where these are close enough together, which what every second and third
+        of them alone would give tells. Where they are not, or announced kinks lie closer together than they, a
+        response of `simulate` is computed between them until the means are good to 1e-4. MTVV and what follows from
+        it is nan in records shorter than 1 s, ratios are nan for a car at rest.
 
     Raises
     ------
     InputError
         If the response is no time response of one trace, is not finite, has none of the outputs, or skip
         leaves fewer than two samples.
+
+    Warns
+    -----
+    RuntimeWarning
+        The record is too coarse for the means named: more than 400 000 times would be needed for 1e-4, or nothing is
+        known between the samples and these are not good to 1e-3.
 
     References
     ----------
@@ -95,40 +96,31 @@ def ride_indices(
     .. [2] ISO 2631-1:1997, Mechanical vibration and shock - Evaluation of human exposure to whole-body
     vibration.
     """
-    t, signals = _checked_response(response)
     skip = validation.number("skip", skip, at_least=0.0)
     limit = None if stroke_limit is None else validation.number("stroke_limit", stroke_limit, above=0.0)
-    labels = list(signals)
     if vehicle is not None:
         checked_vehicle(vehicle)
-    seat = seat_combination(labels, seat_position)
-    if seat is not None:
-        signals["seat_acceleration"] = seat @ np.array([signals[name] for name in labels])
-    kept = t >= t[0] + skip * (1 - 1e-12)
-    if np.count_nonzero(kept) < 2:
-        raise InputError(
-            f"skip = {skip:g} is not allowed: less than the record of {t[-1] - t[0]:g} s is needed"
-        )
-    record = {name: values[kept] for name, values in signals.items()}
-    indicators = indicator_signals(list(record))
+    record = Record(response, skip, lambda labels: seat_combination(labels, seat_position))
+    indicators = indicator_signals(list(record.kept))
     if not indicators:
         raise InputError(
-            f"response has outputs {', '.join(labels)}: "
+            f"response has outputs {', '.join(record.labels)}: "
             "an acceleration or a suspension or tire deflection is needed"
         )
-    limits = _limits(response, t[kept], record, labels, seat)
-    rows = [(name, _rms(t[kept], record[name]), signal_unit(name)) for name in indicators]
+    limits, means = record.limits(), record.averages([*indicators, *record.forces])
+    rms = {name: float(np.sqrt(means[name])) for name in (*indicators, *record.forces)}
+    rows = [(name, rms[name], signal_unit(name)) for name in indicators]
     rows += [(f"{name}_peak", _peak(limits[name]), signal_unit(name)) for name in indicators]
-    rows += _comfort_rows(t, signals, kept)
+    rows += _comfort_rows(record)
     if vehicle is not None:
-        rows += _tire_rows(t[kept], record, limits, vehicle)
+        rows += _tire_rows(rms, limits, vehicle)
     if limit is not None:
         rows += [
             (f"{name}_stroke_use", _peak(limits[name]) / limit, "-")
-            for name in record
+            for name in record.kept
             if name.startswith("suspension_deflection")
         ]
-    rows += _actuator_rows(t[kept], record, limits)
+    rows += _actuator_rows(rms, means, limits)
     return pd.DataFrame(rows, columns=["indicator", "value", "unit"])
 
 
@@ -169,78 +161,13 @@ def compare_indices(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     return result
 
 
-def _checked_response(response: Any) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Return the times and every output by name."""
-    try:
-        t = validation.array("response.time", response.time, finite=False)
-        outputs = validation.array("response.y", response.y, finite=False)
-        labels = list(response.output_labels)
-    except AttributeError:
-        raise InputError(f"response = {response!r} is not allowed: a time response is needed") from None
-    if outputs.ndim == 3:
-        if outputs.shape[1] != 1:
-            raise InputError(f"response has {outputs.shape[1]} input traces: one is needed")
-        outputs = outputs[:, 0]
-    if not (np.all(np.isfinite(outputs)) and np.all(np.isfinite(t))):
-        raise InputError("response is not allowed: finite outputs are needed (did the simulation diverge?)")
-    return t, dict(zip(labels, outputs, strict=True))
-
-
-def _rms(t: FloatArray, values: FloatArray) -> float:
-    return float(np.sqrt(mean_square(t, values)))
-
-
 def _peak(limits: tuple[float, float]) -> float:
     return max(abs(limits[0]), abs(limits[1]))
 
 
-def _limits(
-    response: Any, t: FloatArray, record: Signals, labels: list[str], seat: FloatArray | None
-) -> Limits:
-    """Return least and largest value of all signals, powers and force rates; exact where the response can tell."""
-    rates = {name: np.gradient(record[name], t) for name in _forces(record)}
-    evaluate: Callable[[FloatArray], FloatArray] | None = getattr(response, "at", None)
-    if evaluate is None:
-        return extremes(t, _with_actuators(record, rates), None)
-    late = _RATE_STEP * float(np.min(np.diff(t)))
-
-    def signals(times: FloatArray) -> dict[str, FloatArray]:
-        found = _checked_response(response.at(times))[1]
-        if seat is not None:
-            found["seat_acceleration"] = seat @ np.array([found[name] for name in labels])
-        return {name: found[name] for name in record}
-
-    def shown(times: FloatArray) -> Signals:
-        before, after = np.maximum(times - late, t[0]), np.minimum(times + late, t[-1])
-        every = np.unique(np.concatenate([times, before, after] if rates else [times]))
-        found = signals(every)
-        here, early, later = (np.searchsorted(every, some) for some in (times, before, after))
-        slopes = {name: (found[name][later] - found[name][early]) / (after - before) for name in rates}
-        return _with_actuators({name: values[here] for name, values in found.items()}, slopes)
-
-    return extremes(t, _with_actuators(record, rates), shown)
-
-
-def _forces(record: Signals) -> list[str]:
-    return [name for name in record if name.startswith("actuator_force")]
-
-
-def _with_actuators(record: Signals, rates: Signals) -> Signals:
-    """Return the signals, and the power and the rate of every actuator's force."""
-    shown = dict(record)
-    for name in _forces(record):
-        axle = name.removeprefix("actuator_force")
-        shown[f"{name}_rate"] = rates[name]
-        if f"suspension_velocity{axle}" in record:
-            shown[f"actuator_power{axle}"] = record[name] * record[f"suspension_velocity{axle}"]
-    return shown
-
-
-def _comfort_rows(t: FloatArray, signals: Mapping[str, FloatArray], kept: NDArray[np.bool_]) -> Iterator[Row]:
-    present = {name: COMFORT_WEIGHTS[name] for name in signals if name in COMFORT_WEIGHTS}
+def _comfort_rows(record: Record) -> Iterator[Row]:
     weighted_rms = {}
-    for name, (weighting, _) in present.items():
-        figures = exposure(t[kept], _weighted(t, signals[name], weighting)[kept])
+    for name, figures in exposures(record).items():
         unit = signal_unit(name)
         weighted_rms[name] = figures.rms
         yield f"{name}_weighted", figures.rms, unit
@@ -262,41 +189,27 @@ def comfort_total(weighted_rms: Mapping[str, float]) -> Iterator[Row]:
     yield "comfort_total", float(total), "m/s2"
 
 
-def _weighted(t: FloatArray, values: FloatArray, weighting: str) -> FloatArray:
-    """Return the weighted history at the same times, evenly spaced or not."""
-    steps = np.diff(t)
-    step = (t[-1] - t[0]) / steps.size
-    if np.max(np.abs(steps - step)) <= 1e-6 * step:
-        return weighted_history(values, step, weighting)
-    count = int(np.ceil((t[-1] - t[0]) / np.min(steps))) + 1
-    even = np.linspace(t[0], t[-1], count)
-    resampled = weighted_history(CubicSpline(t, values)(even), even[1] - even[0], weighting)
-    return np.asarray(CubicSpline(even, resampled)(t))
-
-
-def _tire_rows(t: FloatArray, record: Signals, limits: Limits, vehicle: VehicleLike) -> Iterator[Row]:
+def _tire_rows(rms: Mapping[str, float], limits: Limits, vehicle: VehicleLike) -> Iterator[Row]:
     for tire in vehicle.tires:
-        if tire.deflection not in record:
+        if tire.deflection not in rms:
             continue
         wheel = tire.deflection.removeprefix("tire_deflection")
-        rms = tire.stiffness * _rms(t, record[tire.deflection])
+        load = tire.stiffness * rms[tire.deflection]
         least, most = limits[tire.deflection]
         lowest = tire.static_load - tire.stiffness * most
-        yield f"tire_load{wheel}", rms, "N"
+        yield f"tire_load{wheel}", load, "N"
         yield f"tire_load{wheel}_min", lowest, "N"
         yield f"tire_load{wheel}_max", tire.static_load - tire.stiffness * least, "N"
-        yield f"load_coefficient{wheel}", rms / tire.static_load, "-"
+        yield f"load_coefficient{wheel}", load / tire.static_load, "-"
         yield f"lift_off{wheel}", float(lowest <= 0), "-"
 
 
-def _actuator_rows(t: FloatArray, record: Signals, limits: Limits) -> Iterator[Row]:
-    for name in _forces(record):
-        axle, force = name.removeprefix("actuator_force"), record[name]
-        yield name, _rms(t, force), "N"
+def _actuator_rows(rms: Mapping[str, float], means: Mapping[str, float], limits: Limits) -> Iterator[Row]:
+    for name in (name for name in rms if name.startswith("actuator_force")):
+        axle = name.removeprefix("actuator_force")
+        yield name, rms[name], "N"
         yield f"{name}_peak", _peak(limits[name]), "N"
         yield f"{name}_rate_peak", _peak(limits[f"{name}_rate"]), "N/s"
-        velocity = record.get(f"suspension_velocity{axle}")
-        if velocity is not None:
-            power = force * velocity
-            yield f"actuator_power{axle}_mean", float(trapezoid(power, t) / (t[-1] - t[0])), "W"
+        if f"actuator_power{axle}" in means:
+            yield f"actuator_power{axle}_mean", means[f"actuator_power{axle}"], "W"
             yield f"actuator_power{axle}_peak", _peak(limits[f"actuator_power{axle}"]), "W"

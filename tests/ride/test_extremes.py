@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import control
 import numpy as np
 import pytest
 from half_car_loops import half_car_loop
@@ -57,3 +58,32 @@ def test_peaks_of_coarse_records_are_those_of_dense_ones(step):
     for name in ("body_acceleration", "pitch_acceleration", "tire_deflection_front", "tire_deflection_rear"):
         largest = np.abs(dense.y[list(dense.output_labels).index(name)]).max()
         assert found[f"{name}_peak"] == pytest.approx(largest, rel=2e-3)
+
+
+@pytest.mark.parametrize("length", [0.05, 0.005])
+@pytest.mark.parametrize("step", [0.01, 0.002])
+def test_means_of_a_short_bump_are_those_of_a_fine_record(length, step):
+    """A cleat between two samples, and its echo by the feedback, count in every mean."""
+    loop = sc.close_loop(
+        sc.QuarterCar().plant(), [sc.FeedbackChannel("tire_deflection", "force", -3e4, 0.05)]
+    )
+    road = sc.BumpRoad(0.02, length, 20.0).inputs({"road": 0.0})
+    t = np.arange(0.0, 1.2 + 0.5 * step, step)
+    coarse = sc.ride_indices(sc.simulate(loop, t, road)).set_index("indicator")["value"]
+    kinks = np.concatenate([np.linspace(a, a + length / 20.0, 401) for a in (0.0, 0.05, 0.1)])
+    fine = np.unique(np.concatenate([np.linspace(0.0, 1.2, 4801), kinks]))
+    exact = sc.simulate(loop, fine, road)
+    y = dict(zip(exact.output_labels, np.asarray(exact.y).reshape(len(exact.output_labels), -1), strict=True))
+    for name in ("body_acceleration", "tire_deflection", "suspension_deflection", "actuator_force"):
+        expected = np.sqrt(np.trapezoid(y[name] ** 2, fine) / 1.2)
+        assert coarse[name] == pytest.approx(expected, rel=3e-4), name
+    power = np.trapezoid(y["actuator_force"] * y["suspension_velocity"], fine) / 1.2
+    assert coarse["actuator_power_mean"] == pytest.approx(power, rel=2e-3)
+
+
+def test_samples_too_far_apart_are_called_so():
+    t = np.linspace(0.0, 2.0, 201)
+    spike = np.where(np.abs(t - 1.0) < 1e-9, 1.0, 0.0)
+    response = control.TimeResponseData(t, spike[None], output_labels=["tire_deflection"], issiso=False)
+    with pytest.warns(RuntimeWarning, match="record is too coarse for RMS tire_deflection"):
+        sc.ride_indices(response)

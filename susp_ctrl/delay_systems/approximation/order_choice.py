@@ -21,14 +21,16 @@ from susp_ctrl.delay_systems.approximation.spectral import spectral_approximatio
 from susp_ctrl.delay_systems.model import DelaySystem, sample_plant
 from susp_ctrl.errors import InputError, PadeOrderWarning
 
-# A frequency matters to the order where the way around the loop has this share of its largest gain.
-_SHARE = 0.05
+# A frequency matters to the order where what the delayed signals add has this share of the largest response.
+_SHARE = 0.002
+_OSCILLATORY = 0.9  # damping ratio from which a mode does not ring
+_BAND_POINTS = 48
 # Chebyshev points beyond omega tau / 2 that leave an error of a few thousandths.
 _SPARE_POINTS = 10
 
 
 def approximated(
-    system: DelaySystem, method: str, order: Any, bandwidth: float | None
+    system: DelaySystem, method: str, order: Any, band: tuple[float, bool]
 ) -> tuple[control.StateSpace, int | tuple[int, ...]]:
     """Return the approximating system and its order.
 
@@ -40,8 +42,8 @@ def approximated(
         Kind of approximation.
     order : int, sequence of int or None
         Order for all delays or one for each; None chooses it for `relevant_frequency`.
-    bandwidth : float or None
-        Highest frequency of the input (rad/s), where known.
+    band : (float, bool)
+        Highest frequency of the input (rad/s), and whether it is certain.
 
     Raises
     ------
@@ -51,9 +53,16 @@ def approximated(
     Warns
     -----
     PadeOrderWarning
-        The order, given or highest possible, is too low; the message names the one needed.
+        The order, given or highest possible, is too low; the message names the one needed. Or the input's band is
+        not certain; the message names the band taken.
     """
-    omega = relevant_frequency(system, bandwidth)
+    omega = relevant_frequency(system, band[0])
+    if not band[1] and system.folded.delays.size:
+        warnings.warn(
+            f"the input has no known bandwidth: the order is chosen for the band up to {omega:g} rad/s",
+            PadeOrderWarning,
+            stacklevel=4,
+        )
     if order is None:
         chosen: Any = _pade_choice(system, omega) if method == "pade" else _points_needed(system, omega)
     elif isinstance(order, Sequence | np.ndarray):
@@ -76,24 +85,27 @@ def approximated(
 def relevant_frequency(system: DelaySystem, bandwidth: float | None) -> float:
     """Return the highest frequency (rad/s) at which the delays' phase decides the response.
 
-    These are the natural frequencies of the plant, with its delayed paths open and closed without delay, and the
-    input's band, as far as the way around the loop is not faint there (`_SHARE` of its largest gain).
+    These are the natural frequencies of the plant's oscillations, with its delayed paths open and closed without any,
+    and the input's band, as far as what the delayed signals add to an output there is not faint (`_SHARE` of its
+    largest response to that input).
     """
     plant, delays = system.folded
     if delays.size == 0:
         return 1.0
     closed = np.linalg.eigvals(plant.closed_matrix(np.ones(delays.size, dtype=complex)))
-    natural = np.abs(np.concatenate([plant.eigenvalues, closed]))
-    candidates = np.array([*natural[natural > 0.0], *([bandwidth] if bandwidth else [])])
-    if candidates.size == 0:
+    roots = np.concatenate([plant.eigenvalues, closed])
+    roots = roots[(np.abs(roots) > 0.0) & (np.abs(roots.real) <= _OSCILLATORY * np.abs(roots))]
+    top = max(bandwidth or 0.0, float(np.max(np.abs(roots), initial=0.0)))
+    if top == 0.0:
         return 10.0 / float(np.max(delays))
-    gain = np.max(np.abs(sample_plant(plant, 1j * candidates).p22), axis=(1, 2))
-    gain = np.where(np.isfinite(gain), gain, 0.0)
-    largest = float(np.max(gain))
-    if largest == 0.0:
-        # no loop: the delayed signals pass once, all of the input's band counts
-        return float(bandwidth if bandwidth else np.max(candidates))
-    return float(np.max(candidates[gain >= _SHARE * largest]))
+    candidates = np.unique([*np.abs(roots), *np.geomspace(1e-3 * top, top, _BAND_POINTS)])
+    sample = sample_plant(plant, 1j * candidates)
+    # without a loop the delayed signals pass once
+    added = np.abs(sample.p12) @ np.abs(sample.p21)
+    largest = np.max(np.abs(sample.p11) + added, axis=0, initial=0.0, where=np.isfinite(added))
+    share = np.max(added / np.where(largest > 0.0, largest, np.inf), axis=(1, 2), initial=0.0)
+    matters = candidates[~(share < _SHARE)]
+    return float(np.max(matters)) if matters.size else top
 
 
 def _pade_choice(system: DelaySystem, omega: float) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import control
@@ -14,8 +14,12 @@ from numpy.typing import ArrayLike
 from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.integrators import Run
+from susp_ctrl.delay_systems.integrators.kinks import propagated_kinks
 from susp_ctrl.delay_systems.model import DelaySystem
 from susp_ctrl.errors import InputError
+
+_FAINT = 1e-3  # weight of an echo that is left out
+_APART = 1e-12  # of the run, between two kinks
 
 
 class SimulationResponse(control.TimeResponseData):
@@ -59,16 +63,33 @@ class SimulationResponse(control.TimeResponseData):
             raise InputError(f"timepts[-1] = {times[-1]:g} is not allowed: the run ends at {end:g} s")
         return simulation_response(origin, origin.march(times), times, self.method, self.order, origin.case)
 
+    def close_kinks(self, gap: float) -> FloatArray:
+        """Return the times (s) of announced kinks less than `gap` seconds apart, and of their echoes after delays."""
+        sources, end = self._origin.kinks, float(self.time[-1])
+        gaps = np.diff(sources)
+        close = gaps < gap
+        if not np.any(close):
+            return np.zeros(0)
+        sources = sources[np.append(close, False) | np.append(False, close)]
+        plant, delays = self._origin.system.folded
+        return propagated_kinks(
+            plant, delays, sources, end, 2.0 / float(np.min(gaps)), _FAINT, _APART * max(end, 1.0)
+        )
+
 
 @dataclass(frozen=True)
 class Origin:
-    """What a response was computed from: system, march over any output times, start (s), wanted error, case."""
+    """What a response was computed from.
+
+    System, march over any output times, start (s), wanted error, case, and kinks announced by the inputs (s).
+    """
 
     system: DelaySystem
     march: Callable[[FloatArray], Run]
     start: float
     rtol: float
     case: int = 0
+    kinks: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 def names_of(system: DelaySystem) -> dict[str, Any]:

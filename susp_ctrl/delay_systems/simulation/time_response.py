@@ -46,6 +46,7 @@ from susp_ctrl.delay_systems.integrators import (
 )
 from susp_ctrl.delay_systems.model import DelaySystem, FoldedLoop
 from susp_ctrl.delay_systems.simulation.history import past_of
+from susp_ctrl.delay_systems.simulation.input_band import input_band
 from susp_ctrl.delay_systems.simulation.simulation_response import (
     Origin,
     SimulationResponse,
@@ -92,7 +93,7 @@ def simulate(
         Exact delays; ``sys.pade(order)``; or a spectral line for each delay.
     order : int or sequence of int, optional
         Order of the approximation, for all delays or one for each of ``sys.delays``; by default chosen for the
-        input's bandwidth and the plant's natural frequencies.
+        plant's oscillations and the input's band, below which 99.9 % of its energy during the run lies.
     history : None, array_like, callable, "steady" or SimulationResponse, optional
         State before t = 0: zero; constant, shape (n_states,); ``t -> (n_states, len(t))`` on [-longest delay, 0]
         (the sum of delays in series where a delayed signal is delayed again); "steady": the steady motion under
@@ -127,7 +128,8 @@ def simulate(
     Warns
     -----
     PadeOrderWarning
-        The order is too low for the input's band or the plant; the message names the order needed.
+        The order is too low for the input's band or the plant, the message names the order needed; or that band
+        cannot be told, the message names the one taken.
     RuntimeWarning
         The estimated error exceeds `rtol`.
 
@@ -154,14 +156,17 @@ def simulate(
             raise InputError(
                 f"history is not allowed with method = {method!r}: its delays have no history but zero"
             )
-        system, order = _approximated(system, method, order, signals)
+        band = input_band(signals, 0.0, float(times[-1]))
+        system, order = _approximated(system, method, order, band)
     elif order is not None:
         raise InputError(
             f"order = {order!r} is not allowed with method = {method!r}: exact delays have no order"
         )
     past = past_of(system, history, signals)
     _check_start(times, past, signals)
-    origin = Origin(system, _march(system, [signals], past, rtol), past.start, rtol)
+    origin = Origin(
+        system, _march(system, [signals], past, rtol), past.start, rtol, kinks=signals.breakpoints
+    )
     return simulation_response(origin, origin.march(times), times, method, order)
 
 
@@ -240,7 +245,8 @@ def simulate_many(
             for past, s in zip(pasts, signals, strict=True):
                 _check_start(times, past, s)
             past = side_by_side(pasts)
-            origin = Origin(system, _march(system, signals, past, rtol), past.start, rtol)
+            kinks = np.unique(np.concatenate([s.breakpoints for s in signals]))
+            origin = Origin(system, _march(system, signals, past, rtol), past.start, rtol, kinks=kinks)
             run = origin.march(times)
             for j, k in enumerate(some):
                 responses[k] = simulation_response(origin, run, times, "exact", None, j)
@@ -294,8 +300,10 @@ def _checked_times(timepts: ArrayLike, hold: str, resolution: float | None, rtol
     return times
 
 
-def _approximated(system: DelaySystem, method: str, order: Any, signals: Inputs) -> tuple[DelaySystem, Any]:
-    ordinary, chosen = approximated(system, method, order, signals.bandwidth)
+def _approximated(
+    system: DelaySystem, method: str, order: Any, band: tuple[float, bool]
+) -> tuple[DelaySystem, Any]:
+    ordinary, chosen = approximated(system, method, order, band)
     return DelaySystem.of(ordinary), chosen
 
 

@@ -10,20 +10,23 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.integrate import trapezoid
 
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems import DelayLTI, pade_order, simulate
 from susp_ctrl.delay_systems.approximation import HIGHEST_ORDER
 from susp_ctrl.errors import InputError, PadeOrderWarning, UnstableSystemError
 from susp_ctrl.ride import ride_indices, signal_unit, stationary_rms
+from susp_ctrl.ride.averages import Signals, averages, close_kinks
 from susp_ctrl.ride.extremes import extremes
+from susp_ctrl.ride.record import warn_if_coarse
 from susp_ctrl.road import BumpRoad, HarmonicRoad, RandomRoad
 from susp_ctrl.study.results import Design, TimeCase
 from susp_ctrl.study.sections.workbench import Report, Workbench, road_text
 from susp_ctrl.study.settings import PASSIVE, AuditSettings, RoadSettings, TimeSettings, printed_number
 
 EXACT, PADE, STATIONARY = "exact", "pade", "stationary"
+_THINNED = 1e3  # times the tolerance by which the samples of a thinned record may seem wrong
+_ROUNDING = 1e-10  # of the largest output of a record
 
 
 def time_case(
@@ -129,7 +132,6 @@ def record(
     """
     times = record_times(settings.duration, settings.step)[::every]
     method: dict[str, Any] = {} if order is None else {"method": "pade", "order": order}
-    at: Callable[[FloatArray], FloatArray] | None = None
     indices = pd.DataFrame(columns=["indicator", "value", "unit"])
     try:
         response = simulate(bench.loop(key), settings.lead_in + times, road.inputs(bench.lags), **method)
@@ -143,7 +145,11 @@ def record(
         at = lambda t: np.asarray(response.at(np.minimum(settings.lead_in + t, latest)).y)[rows]  # noqa: E731
     except OverflowError:
         values = np.full((len(settings.outputs), times.size), np.nan)
-    return Record(values, _rms(times, values, settings), indices, at)
+        return Record(values, _rms(times, values, settings, None, kinks=np.zeros(0)), indices, None)
+    kinks = close_kinks(response, times) - settings.lead_in
+    # a thinned record is only held against another one like it
+    lenience = 1.0 if every == 1 else _THINNED
+    return Record(values, _rms(times, values, settings, at, kinks, lenience), indices, at)
 
 
 def band_order(loop: DelayLTI, omega: float) -> int:
@@ -164,13 +170,33 @@ def stationary_indices(bench: Workbench, key: str, road: Any) -> pd.Series:
     return pd.Series(dtype=float)
 
 
-def _rms(times: FloatArray, values: FloatArray, settings: TimeSettings) -> pd.Series:
-    """Return the RMS of every output over the record after `skip`, by the trapezoidal rule."""
+def _rms(
+    times: FloatArray,
+    values: FloatArray,
+    settings: TimeSettings,
+    at: Callable[[FloatArray], FloatArray] | None,
+    kinks: FloatArray,
+    lenience: float = 1.0,
+) -> pd.Series:
+    """Return the RMS of every output over the record after `skip`, between the samples too; nan without `at`."""
+    if at is None:
+        return pd.Series(np.nan, index=list(settings.outputs))
     kept = times >= settings.skip * (1 - 1e-12)
-    span = times[kept][-1] - times[kept][0]
-    return pd.Series(
-        np.sqrt(trapezoid(values[:, kept] ** 2, times[kept]) / span), index=list(settings.outputs)
+
+    def squares(outputs: FloatArray) -> Signals:
+        return dict(zip(settings.outputs, outputs**2, strict=True))
+
+    noise = float((_ROUNDING * np.max(np.abs(values))) ** 2)
+    found = averages(
+        times[kept],
+        squares(values[:, kept]),
+        lambda t: squares(at(t)),
+        kinks,
+        dict.fromkeys(settings.outputs, noise),
+        lenience,
     )
+    warn_if_coarse([f"RMS {name}" for name in found.doubtful])
+    return pd.Series({name: float(np.sqrt(mean)) for name, mean in found.means.items()})
 
 
 def _rms_table(
