@@ -206,7 +206,22 @@ class TuningProblem:
     def accurate(self, x: ArrayLike) -> tuple[float, float]:
         """Return J of one design and its largest relative overshoot of a limit, not at the search's frequencies.
 
-        Integrals are adaptive and peaks refined for this design; the overshoot is 0 where all limits are kept.
+        Parameters
+        ----------
+        x : array_like, shape (2 m,)
+            Gains and delays (s) of the design.
+
+        Returns
+        -------
+        J : float
+            By adaptive integrals and refined peaks for this design; of several plants and corners the largest.
+        overshoot : float
+            0 where all limits are kept.
+
+        Raises
+        ------
+        InputError
+            Another number of entries, or one that is not finite.
         """
         design = validation.vector("x", x, size=self.dimension)
         worst = np.max([case.accurate(design) for case in self._cases], axis=0)
