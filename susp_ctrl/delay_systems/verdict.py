@@ -52,8 +52,10 @@ ROOTS, ARGUMENT, SWEEP = "roots", "argument principle", "sweep"
 _ANGLES, _REACHES = (1.0, 4.0), (1.0, 1.7, 3.0)
 # Beyond this number of unstable roots only the rightmost ones are computed.
 _MOST_COMPUTED = 300
-# What the sweep may spend on one verdict before it abstains: boxes, times the square of the order of their matrices.
+# What the sweep may spend on one verdict before it abstains, some half microseconds: a box costs the square of the
+# order of its matrices and, where the plant is sampled by its matrix, a share of the square of the states.
 _SWEEP_WORK = 2_000_000
+_RESOLVENT_SHARE = 6
 # An abscissa that the roots method leaves open is good enough when counts enclose it this narrowly (relative).
 _NARROW = 1e-4
 
@@ -280,8 +282,10 @@ def _count_by_sweep(system: DelaySystem, expected: int | None) -> int | None:
     `expected` the others are asked as well; if they contradict each other the sweep cannot tell.
     """
     line = DelayLine.of(system, system.delays, np.zeros(system.delays.size), 1.0)
-    order = 2 + min(line.matrices.n_states, line.matrices.n_channels)
-    search = CrossingSearch(line, Work(_SWEEP_WORK // order**2))
+    n = line.matrices.n_states
+    cost = (2 + min(n, line.matrices.n_channels)) ** 2
+    cost += 0 if line.matrices.modes else n**2 // _RESOLVENT_SHARE
+    search = CrossingSearch(line, Work(_SWEEP_WORK // cost))
     poles, uncertain = line.matrices.undelayed_eigenvalues()
     if search.axis_roots or np.any(np.abs(poles.real) <= np.maximum(uncertain, 1e-9 * np.abs(poles))):
         return None

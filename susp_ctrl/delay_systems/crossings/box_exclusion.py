@@ -68,8 +68,8 @@ class BoxTest:
         if self._by_state:
             self._A = loop.A
             # Channels that share all phases act through the product of their columns and rows.
-            probe = coordinate.phases(np.array([0.7, 1.3, 2.9]), np.array([0.3, 1.1, 0.2])).T
-            _, first, group = np.unique(probe, axis=0, return_index=True, return_inverse=True)
+            slopes = np.concatenate(coordinate.slopes(np.ones(1), np.zeros(1))).T
+            _, first, group = np.unique(slopes, axis=0, return_index=True, return_inverse=True)
             members = np.eye(first.size)[:, group.ravel()]
             self._coordinate = coordinate.of(first)
             self._parts = np.einsum("im,km,mj->kij", loop.B, members, loop.C)

@@ -145,7 +145,10 @@ class CrossingSearch:
 
     def _lowest(self) -> float:
         """With a root at s = 0 for every tau the search cannot come arbitrarily near zero frequency."""
-        return 1e-6 * float((self.bands.centre + self.bands.half).max()) if self.axis_roots else 0.0
+        return 1e-6 * self._highest() if self.axis_roots else 0.0
+
+    def _highest(self) -> float:
+        return float((self.bands.centre + self.bands.half).max())
 
     def _unrolled(self, zeros: Zeros, complete: bool, exact: bool, method: str) -> Crossings:
         """Turn angles into every delay up to the end."""
@@ -173,7 +176,8 @@ class CrossingSearch:
         if not self.axis_roots or zeros.omega.size == 0:
             return zeros
         fixed = np.array(self.axis_roots)
-        crossing = np.all(np.abs(zeros.omega[:, None] - fixed) > 1e-7 * (1.0 + fixed), axis=1)
+        near = 1e-7 * np.where(fixed > 0.0, fixed, self._highest())
+        crossing = np.all(np.abs(zeros.omega[:, None] - fixed) > near, axis=1)
         return Zeros(*(part[crossing] for part in zeros))
 
 

@@ -215,24 +215,23 @@ def bordered(
 def axis_matrix(
     loop: CharacteristicMatrix, coordinate: Coordinate, omega: FloatArray, y: FloatArray
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Return a matrix with the determinant of W, and its derivatives: where it can, the Schur complement of order n.
+    """Return ``jwI - A - B E (I - D E)^-1 C``, which has the determinant of W, and its derivatives.
 
-    Without direct paths that is ``jwI - A - B E C``.
+    All of it has the unit of a rate, so that no choice of units changes what is small.
     """
-    if np.any(loop.D):
-        return bordered(loop, coordinate, omega, y)
     omega, y = np.atleast_1d(omega), np.atleast_1d(y)
-    into = loop.B * np.exp(-1j * coordinate.phases(omega, y))[:, None, :]
-    by_omega, by_y = (1j * into * slope[:, None, :] @ loop.C for slope in coordinate.slopes(omega, y))
+    into, passed, out = loop.paths(np.exp(-1j * coordinate.phases(omega, y)))
+    by_omega, by_y = (1j * passed * slope[:, None, :] @ out for slope in coordinate.slopes(omega, y))
     identity = 1j * np.eye(loop.n_states)
-    return omega[:, None, None] * identity - loop.A - into @ loop.C, identity + by_omega, by_y
+    return omega[:, None, None] * identity - loop.A - into @ out, identity + by_omega, by_y
 
 
 def axis_size(loop: CharacteristicMatrix, omega: FloatArray) -> FloatArray:
     """Return the size of the terms that `axis_matrix` is summed from: all of it can vanish at a multiple root."""
-    through = float(np.linalg.norm(loop.B) * np.linalg.norm(loop.C))
-    bordering = 1.0 + float(np.linalg.norm(loop.D)) if np.any(loop.D) else 0.0
-    return np.abs(omega) + float(np.linalg.norm(loop.A)) + through + bordering
+    size_A, into, _ = loop.absolute_parts
+    return (
+        np.abs(omega) + float(np.linalg.norm(size_A)) + float(np.linalg.norm(into) * np.linalg.norm(loop.C))
+    )
 
 
 def roots_always_on_axis(line: DelayLine) -> tuple[float, ...]:
@@ -278,6 +277,6 @@ def _offset(start: FloatArray, direction: FloatArray) -> float | None:
     if np.any(start[~moving] != 0.0):
         return None
     c = start[moving] / direction[moving]
-    if np.ptp(c) > 1e-14 * max(1.0, float(np.abs(c).max())):
+    if np.ptp(c) > 1e-14 * float(np.abs(c).max()):
         return None
     return float(c[0])

@@ -93,7 +93,7 @@ def sweep_delays(
     validation.delays("up_to * direction", np.abs(end * d))
     if n and not np.any(d):
         raise InputError("direction is zero: at least one delay has to grow")
-    if np.any(s + end * d < -1e-15):
+    if np.any(s + end * d < -1e-14 * s):
         k = int(np.argmin(s + end * d))
         raise InputError(f"direction[{k}] = {d[k]:g} makes a delay negative before up_to = {end:g}")
     # Delays positive wherever the line ever leaves zero: here a neutral loop is refused.

@@ -130,7 +130,7 @@ def frequency_bound(loop: CharacteristicMatrix, margin: float = 1.0) -> float:
     """
     norm = float(np.linalg.norm(loop.A, 2)) if loop.n_states else 0.0
     outer = np.outer(np.linalg.norm(loop.C, axis=1), np.linalg.norm(loop.B, axis=0))
-    gap = max(1e-6 * norm, 1e-12)
+    gap = 1e-6 * (norm + float(outer.max(initial=0.0))) or 1.0
     for _ in range(400):
         if perron_bound(margin * (np.abs(loop.D) + outer / gap)[None])[0] < 1.0:
             break

@@ -17,7 +17,7 @@ from susp_ctrl import validation
 from susp_ctrl.arrays import FloatArray
 from susp_ctrl.delay_systems.frequency.adaptive_quadrature import integrate
 from susp_ctrl.delay_systems.frequency.high_frequency import leading_terms, squared_tail
-from susp_ctrl.delay_systems.frequency.response_bounds import local_response, tail_bound
+from susp_ctrl.delay_systems.frequency.response_bounds import in_even_units, local_response, tail_bound
 from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem, FoldedLoop, around_resonances
 from susp_ctrl.delay_systems.roots import probable_roots
 from susp_ctrl.delay_systems.verdict import stability
@@ -64,7 +64,7 @@ def hinf_norm(sys: Any, tolerance: float = 1e-8) -> tuple[float, float]:
     system = _proven_stable(sys, "H-infinity norm")
     if system.ninputs == 0 or system.noutputs == 0:
         return 0.0, 0.0
-    loop = system.folded
+    loop = in_even_units(system.folded)
     tail = tail_bound(loop)
     scale = _frequency_scale(loop)
     best, peak = (tail.undelayed, np.inf) if tail.undelayed == tail.direct else (0.0, 0.0)

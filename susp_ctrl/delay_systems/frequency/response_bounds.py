@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model import FoldedLoop, balancing, direct_paths, inverses, perron_bound
+from susp_ctrl.delay_systems.model import FoldedLoop, balancing, direct_paths, inverses, loop_rate
 
 
 class LocalResponse(NamedTuple):
@@ -44,13 +44,29 @@ class LocalResponse(NamedTuple):
         return ends + self.remainder
 
 
+def in_even_units(loop: FoldedLoop) -> FoldedLoop:
+    """Return the loop in units of states and delayed signals in which bounds entry by entry are sharp."""
+    plant, (n, p, q) = loop.plant, (loop.plant.n_states, loop.plant.n_outputs, loop.plant.n_inputs)
+    rate = loop_rate(np.block([[plant.A, plant.B2], [plant.C2, plant.D22]]), n)
+    # with every output led to every input there is a way out of, and into, every state and signal at work
+    size = np.zeros((n + q + p + plant.n_channels,) * 2)
+    driving = np.append(np.arange(n + q), np.arange(n + q + p, len(size)))
+    driven = np.append(np.arange(n), np.arange(n + q, len(size)))
+    size[np.ix_(driven, driving)] = np.abs(plant.matrix)
+    size[n : n + q, n + q : n + q + p] = 1.0
+    size[:n] /= rate
+    scale = balancing(size)
+    scale[n : n + q + p] = 1.0
+    return FoldedLoop(plant.rebuilt(plant.matrix / scale[driven, None] * scale[driving]), loop.delays)
+
+
 def local_response(loop: FoldedLoop, omega: FloatArray, half: FloatArray) -> LocalResponse:
     """Expand the response of a loop about centres, with a bound on ``|omega' - omega| <= half``.
 
     Parameters
     ----------
     loop : FoldedLoop
-        The loop, without gains.
+        The loop, without gains, in even units.
     omega, half : ndarray, shape (points,)
         Centres and half widths (rad/s).
     """
@@ -70,14 +86,15 @@ def local_response(loop: FoldedLoop, omega: FloatArray, half: FloatArray) -> Loc
     )
     missed = steps**2 * (second_input + second @ np.abs(v) + first @ np.abs(dv))
     contraction = reach @ first * steps
-    # (I - contraction)^-1 is a sum of non-negative powers where the spectral radius is below one half; unlike a norm
-    # that does not depend on the units of states, signals and time
-    certain = perron_bound(contraction) < 0.5 if size else np.ones(omega.size, dtype=bool)
+    # the sum of its powers, if there is one: x > 0 with G x < x certifies a radius below one (Collatz and Wielandt),
+    # and unlike a norm that does not depend on the units of states, signals and time
+    inverse = inverses(np.eye(size) - contraction).real
+    x = inverse.sum(axis=2, keepdims=True)
+    with np.errstate(invalid="ignore", over="ignore"):
+        certain = np.all((x > 0.0) & (contraction @ x < x), axis=(1, 2))
+    beyond = np.abs(L) @ inverse[certain] @ reach[certain] @ missed[certain]
     remainder = np.full(omega.size, np.inf)
-    if np.any(certain):
-        inverse = np.linalg.inv(np.eye(size) - contraction[certain])
-        beyond = np.abs(L) @ inverse @ reach[certain] @ missed[certain]
-        remainder[certain] = np.sqrt((beyond**2).sum(axis=(1, 2)))
+    remainder[certain] = np.sqrt((beyond**2).sum(axis=(1, 2)))
     return LocalResponse(value, derivative, remainder)
 
 
@@ -121,7 +138,7 @@ class TailBound(NamedTuple):
 
 
 def tail_bound(loop: FoldedLoop) -> TailBound:
-    """Bound the response at high frequencies for all delays at once.
+    """Bound the response of a loop in even units at high frequencies, for all delays at once.
 
     Beyond ``rho = ||A + B2 E (I - E D22)^-1 C2||`` the state follows as ``1/(omega - rho)``.
     """
@@ -130,10 +147,9 @@ def tail_bound(loop: FoldedLoop) -> TailBound:
     if np.any(np.linalg.matrix_power(np.abs(plant.D22), plant.n_channels) > 0.0) and plant.n_channels:
         return TailBound(np.inf, np.inf, np.inf, np.inf)
     around = direct_paths(plant.D22)
-    scale = state_scale(plant.A, plant.B2, plant.C2)
-    A, B1, B2 = (np.abs(x) / scale[:, None] for x in (plant.A * scale, plant.B1, plant.B2))
-    C1, C2 = np.abs(plant.C1) * scale, np.abs(plant.C2) * scale
-    D12, D21 = np.abs(plant.D12), np.abs(plant.D21)
+    A, B1, B2, C1, C2, D12, D21 = (
+        np.abs(x) for x in (plant.A, plant.B1, plant.B2, plant.C1, plant.C2, plant.D12, plant.D21)
+    )
     loop_norm = _norm(A + B2 @ around @ C2)
     slope = _norm(C1 + D12 @ around @ C2) * _norm(B1 + B2 @ around @ D21)
     direct = _norm(np.abs(plant.D11) + D12 @ around @ D21)

@@ -6,7 +6,7 @@ from susp_ctrl.delay_systems.model.characteristic import (
     Points,
     distance_to_far_right,
 )
-from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths, fold
+from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths, fold, loop_rate
 from susp_ctrl.delay_systems.model.lft import (
     Realization,
     SampledPlant,

@@ -23,11 +23,11 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
-from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths
+from susp_ctrl.delay_systems.model.folding import FoldedLoop, direct_paths, loop_balancing
 from susp_ctrl.delay_systems.model.lft import Realization, closed, return_solve, sample_plant
 from susp_ctrl.delay_systems.model.loop_signals import shared_lines, signals_in_a_chain, signals_in_a_loop
 from susp_ctrl.delay_systems.model.perron import certified_radius
-from susp_ctrl.delay_systems.model.rounding import balancing, eigenvalues_with_uncertainty, rounding_of_sums
+from susp_ctrl.delay_systems.model.rounding import eigenvalues_with_uncertainty, rounding_of_sums
 from susp_ctrl.errors import InputError
 
 Points = NDArray[np.complexfloating[Any, Any]]
@@ -87,7 +87,7 @@ class CharacteristicMatrix:
         whole, tau = _only(signals_in_a_chain(whole, n), whole, n, tau)
         whole, tau = shared_lines(whole, n, tau)
         # all channels closed with weight one: pattern and size of the whole loop decide the scaling
-        scale = balancing(whole)
+        scale = loop_balancing(whole, n)
         whole = whole / scale[:, None] * scale
         whole, tau = _only(signals_in_a_loop(whole, n, tau), whole, n, tau)
         return cls(whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:], tau)
@@ -150,16 +150,23 @@ class CharacteristicMatrix:
 
     def with_derivative(self, s: Points) -> tuple[Points, Points]:
         """Return K and dK/ds at points s."""
-        E = self.exponentials(s)
-        from_state = return_solve(self._around(E), self.C)
-        into_state: Any = self.B * E[:, None, :]
-        identity = np.eye(self.n_states)
-        K = np.asarray(s, dtype=complex)[:, None, None] * identity - self.A - into_state @ from_state
-        if np.any(self.D):
-            # B (I - E D)^-1, solved through the transposed system
-            passed = return_solve(self.D.T * E[:, None, :], self.B.T)
-            into_state = np.swapaxes(passed, -2, -1) * E[:, None, :]
-        return K, identity + (into_state * self.delays) @ from_state
+        E, identity = self.exponentials(s), np.eye(self.n_states)
+        into, passed, out = self.paths(E)
+        K = np.asarray(s, dtype=complex)[:, None, None] * identity - self.A - into @ out
+        return K, identity + (passed * self.delays) @ out
+
+    def paths(self, E: Points) -> tuple[Points, Points, Points]:
+        """Return ``B E``, ``B E (I - D E)^-1`` and ``(I - D E)^-1 C`` for `E` of shape (points, channels).
+
+        The first with the last closes the loop, and a change of E acts between the other two, relative to E.
+        """
+        into: Any = self.B * E[:, None, :]
+        out: Any = return_solve(self._around(E), self.C)
+        if not np.any(self.D):
+            return into, into, out
+        # B (I - E D)^-1, solved through the transposed system
+        passed = return_solve(self.D.T * E[:, None, :], self.B.T)
+        return into, np.swapaxes(passed, -2, -1) * E[:, None, :], out
 
     @cached_property
     def absolute_parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from susp_ctrl.arrays import ComplexArray, FloatArray
 from susp_ctrl.delay_systems.model.lft import Realization, closed, loop_response
+from susp_ctrl.delay_systems.model.rounding import balancing
 from susp_ctrl.errors import InputError
 
 # Points of the circle on which a limit is taken, and the share that terms of a pole may have there by rounding.
@@ -103,3 +104,22 @@ def direct_paths(D22: FloatArray) -> FloatArray:
         power = power @ np.abs(D22)
         total = total + power
     return total
+
+
+def loop_balancing(whole: FloatArray, n: int) -> FloatArray:
+    """Return powers of two, units of states and signals in which ``[[A, B], [C, D]]`` has even magnitudes.
+
+    The unit of time does not matter: rows of rates are divided by the loop's own rate first, since beside the numbers
+    without unit small rates would not count and large ones alone would.
+    """
+    size = np.abs(whole)
+    size[:n] /= loop_rate(whole, n)
+    return balancing(size)
+
+
+def loop_rate(whole: FloatArray, n: int) -> float:
+    """Return a power of two near the largest rate that ``[[A, B], [C, D]]`` can have (rad/s), one if it has none."""
+    size = np.abs(whole)
+    rates = size[:n, :n] + size[:n, n:] @ direct_paths(size[n:, n:]) @ size[n:, :n]
+    largest = float(np.abs(np.linalg.eigvals(rates)).max(initial=0.0))
+    return float(2.0 ** np.round(np.log2(largest))) if largest > 0.0 else 1.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from susp_ctrl.arrays import FloatArray
+from susp_ctrl.delay_systems.model.rounding import balancing
 
 
 def perron_bound(matrices: FloatArray) -> FloatArray:
@@ -58,6 +59,8 @@ def certified_radius(M: FloatArray) -> float:
     n = M.shape[0]
     if not np.all(np.isfinite(M)):
         return np.inf
+    units = balancing(M)
+    M = M / units[:, None] * units
     with np.errstate(over="ignore", invalid="ignore"):
         candidate = 1.01 * float(np.max(np.abs(np.linalg.eigvals(M)))) + 1e-6 * float(np.linalg.norm(M) / n)
         if candidate == 0.0:

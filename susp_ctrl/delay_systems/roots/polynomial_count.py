@@ -31,6 +31,7 @@ from susp_ctrl.delay_systems.roots.argument_principle import (
 _UNCERTAINTY = 64.0 * np.finfo(float).eps
 # Far out the phase changes by less than this.
 _FAR_PHASE = 1.0
+_MOST_DOUBLINGS = 200
 _MOST_POINTS = 200_000
 _BATCH_NUMBERS = 500_000
 
@@ -77,13 +78,24 @@ def _outer_radius(T: DelayPolynomials) -> tuple[float, FloatArray]:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         lower = np.where(powers < 0, np.max(sizes, axis=1), 0.0)
         start = np.exp(np.max(np.log(lower[lower > 0.0]) / -powers[lower > 0.0], initial=-np.inf))
-    top = 2.0 ** np.ceil(np.log2(start)) if start > 0.0 else 1.0
-    for _ in range(200):
+
+    def nothing_beyond(top: float) -> bool:
         rest = np.sum(sizes * np.power(top, np.minimum(powers, 0))[:, None, :], axis=0)
-        if certified_radius(rest) < 0.5 and -np.linalg.slogdet(np.eye(n) - rest)[1] < _FAR_PHASE:
-            return float(top), leading
+        return certified_radius(rest) < 0.5 and bool(-np.linalg.slogdet(np.eye(n) - rest)[1] < _FAR_PHASE)
+
+    top = 2.0 ** np.ceil(np.log2(start)) if start > 0.0 else 1.0
+    for _ in range(_MOST_DOUBLINGS):
+        if nothing_beyond(top):
+            break
         top *= 2.0
-    raise ContourError(np.nan, "the leading coefficients leave the number of roots open")
+    else:
+        raise ContourError(np.nan, "the leading coefficients leave the number of roots open")
+    # where a row and a column have other units than the rest the start is far too large
+    for _ in range(_MOST_DOUBLINGS if start > 0.0 else 0):
+        if not nothing_beyond(0.5 * top):
+            break
+        top *= 0.5
+    return float(top), leading
 
 
 def _even(matrices: Points) -> tuple[Points, FloatArray, FloatArray]:
