@@ -23,6 +23,8 @@ LONGEST_DELAY = 1e15
 """Longest delay that is taken (s): beyond it the phase of ``e^{-s tau}`` has no digits at any frequency of use."""
 SHORTEST_DELAY = 1e-30
 """Shortest delay that is taken (s) besides zero: products with it would leave the range of numbers."""
+MOST = 1_000_000_000
+"""Largest number of anything that is counted, where nothing else is said."""
 LARGEST_ENTRY = 1e40
 """Largest entry of a plant's matrices and largest gain: squares of their products would leave the range of numbers."""
 
@@ -89,19 +91,17 @@ def is_scalar(value: Any) -> bool:
     return not isinstance(value, (list, tuple)) and np.ndim(value) == 0
 
 
-def integer(name: str, value: Any, *, at_least: int | None = None, at_most: int | None = None) -> int:
+def integer(name: str, value: Any, *, at_least: int | None = None, at_most: int = MOST) -> int:
     """Return `value` as an int within the given limits."""
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
     limits = [
         f"at least {at_least}" if at_least is not None else "",
-        f"at most {at_most}" if at_most is not None else "",
+        f"at most {at_most}" if at_most < MOST or (whole and value > MOST) else "",
     ]
     wanted = ", ".join(["an integer", *filter(None, limits)])
-    if isinstance(value, bool) or not isinstance(value, Integral):
+    if not whole or (at_least is not None and value < at_least) or value > at_most:
         raise InputError(f"{name} = {shown(value)} is not allowed: {wanted} is needed")
-    result = int(value)
-    if (at_least is not None and result < at_least) or (at_most is not None and result > at_most):
-        raise InputError(f"{name} = {shown(result)} is not allowed: {wanted} is needed")
-    return result
+    return int(value)
 
 
 def delay(name: str, value: Any) -> float:

@@ -99,7 +99,7 @@ class RandomRoad(SpectralRoad):
 
     def __post_init__(self) -> None:
         self._keep_positive("speed")
-        self._keep(bins=validation.integer("bins", self.bins, at_least=1))
+        self._keep(bins=validation.integer("bins", self.bins, at_least=1, at_most=1_000_000))
         iso_class, level = class_and_level(self.iso_class, self.g_d)
         spectrum = Iso8608Spectrum(g_d=level, waviness=self.waviness, n_min=self.n_min, n_max=self.n_max)
         edges = np.geomspace(spectrum.n_min, spectrum.n_max, self.bins + 1)

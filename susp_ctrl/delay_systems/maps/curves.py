@@ -22,23 +22,25 @@ _CHORD = 2e-5
 _ROUNDS = 9
 
 
-def trace_curves(plane: CrossingPlane, strongest: CharacteristicMatrix) -> Segments:
+def trace_curves(plane: CrossingPlane, strongest: CharacteristicMatrix, fineness: int = 1) -> Segments:
     """Return the crossing curves of a plane as oriented segments.
 
-    `strongest` is the loop with the largest gains of the plane: where it has small gain there is no curve.
+    `strongest` is the loop with the largest gains of the plane: where it has small gain there is no curve. With a
+    higher `fineness` the first samples are closer.
     """
     bands = small_gain_bands(strongest)
     longest = max(float(plane.other_delays.max(initial=0.0)), *plane.delays)
-    found = feasible_intervals(plane.excess, bands, longest)
+    found = feasible_intervals(plane.excess, bands, longest, fineness)
     parts = [
-        _trace(plane, low, high, k == 0 and low <= _lowest(bands)) for k, (low, high) in enumerate(found)
+        _trace(plane, low, high, k == 0 and low <= _lowest(bands), fineness)
+        for k, (low, high) in enumerate(found)
     ]
     parts.append(_zero_frequency(plane))
     return Segments.joined(parts).inside(*_rectangle(plane))
 
 
 def feasible_intervals(
-    excess: Callable[[FloatArray], FloatArray], bands: Bands, longest: float
+    excess: Callable[[FloatArray], FloatArray], bands: Bands, longest: float, fineness: int = 1
 ) -> list[tuple[float, float]]:
     """Return the intervals in the bands on which `excess` is not negative, their ends found by bisection.
 
@@ -47,12 +49,12 @@ def feasible_intervals(
     if bands.centre.size == 0:
         return []
     top, lowest = float((bands.centre + bands.half).max()), _lowest(bands)
-    parts = np.clip(np.ceil(bands.half * longest / 0.04), 12, 400).astype(int)
+    parts = fineness * np.clip(np.ceil(bands.half * longest / 0.04), 12, 400).astype(int)
     samples = [
         c + h * np.linspace(-1.0, 1.0, 2 * n + 1)
         for c, h, n in zip(bands.centre, bands.half, parts, strict=True)
     ]
-    omega = np.concatenate([*samples, np.geomspace(lowest, top, 200)])
+    omega = np.concatenate([*samples, np.geomspace(lowest, top, 200 * fineness)])
     omega = np.unique(omega[omega >= lowest])
     # Ends of neighbouring bands differ by rounding; a maximum must have two true neighbours.
     omega = omega[np.append(True, np.diff(omega) > 1e-9 * omega[1:])]
@@ -129,7 +131,7 @@ def _rectangle(plane: CrossingPlane) -> tuple[FloatArray, FloatArray]:
     return low - margin, high + margin
 
 
-def _trace(plane: CrossingPlane, low: float, high: float, from_zero: bool) -> Segments:
+def _trace(plane: CrossingPlane, low: float, high: float, from_zero: bool, fineness: int) -> Segments:
     """Sample one feasible interval and unroll it; one that begins at zero frequency does not close there."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
 
@@ -140,7 +142,11 @@ def _trace(plane: CrossingPlane, low: float, high: float, from_zero: bool) -> Se
     resonances = around_resonances(poles, np.array([-1.0, 0.0, 1.0]))
     clusters = np.concatenate([resonances, np.geomspace(low, high, 16)])
     clusters = clusters[(clusters > low) & (clusters < high)]
-    t = np.unique(np.concatenate([np.linspace(0.0, 1.0, 33), np.arccos((middle - clusters) / half) / np.pi]))
+    t = np.unique(
+        np.concatenate(
+            [np.linspace(0.0, 1.0, 32 * fineness + 1), np.arccos((middle - clusters) / half) / np.pi]
+        )
+    )
     u, v, side = plane.points(frequencies(t))
     for _ in range(_ROUNDS):
         between = 0.5 * (t[1:] + t[:-1])

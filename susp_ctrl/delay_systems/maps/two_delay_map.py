@@ -39,7 +39,7 @@ from susp_ctrl.delay_systems.model import CharacteristicMatrix, DelaySystem
 from susp_ctrl.delay_systems.roots import count_unstable_roots
 from susp_ctrl.errors import InputError, UndecidedStabilityWarning
 
-# Where curves are traced on a grid and counts do not confirm them, finer grids are tried.
+# Where counts do not confirm the curves, finer samples are tried.
 _FINENESS = (1, 2)
 
 
@@ -107,7 +107,7 @@ def stability_map(
         # With a root that stays on the axis no count can tell.
         count = (lambda x, y: None) if axis_roots else problem.count
         regions = map_regions(raster, *_changes(segments, origin, raster), count)
-        if regions.decided or axis_roots or not problem.on_a_grid:
+        if regions.decided or axis_roots:
             break
     result = StabilityMap(
         x_label=problem.label(x),
@@ -179,7 +179,6 @@ class _Problem:
 
     def __init__(self, system: DelaySystem, numbers: list[int], x: Axis, y: Axis) -> None:
         self.system, self.numbers, self.x, self.y = system, numbers, x, y
-        self.on_a_grid = False
         self._free_gains = [axis for axis in (x, y) if not axis.is_delay]
 
     def at(self, x: float, y: float) -> DelaySystem:
@@ -224,7 +223,7 @@ class _Problem:
         return f"delay {number + 1} (s)" if axis.is_delay else f"gain {number + 1}"
 
     def segments(self, fineness: int = 1) -> Segments:
-        """Trace all crossing curves; `fineness` matters only where they are traced on a grid."""
+        """Trace all crossing curves, with closer first samples at a higher `fineness`."""
         n = self.system.delays.size
         largest = self.system.gains.copy()
         unit = self.system.gains.copy()
@@ -245,10 +244,9 @@ class _Problem:
                 loop, place, (float(self.system.delays[known[0]]), float(self.system.delays[known[1]])),
                 delays, self.x, self.y,
             )  # fmt: skip
-            return trace_curves(plane, strongest)
+            return trace_curves(plane, strongest, fineness)
         if self._free_gains:
             raise InputError("a gain can be free only where every channel involved is one signal")
-        self.on_a_grid = True
         block = np.where(owner == self.numbers[0], 0, np.where(owner == self.numbers[1], 1, -1))
         return trace_blocks(loop, block, delays, self.x, self.y, fineness)
 

@@ -162,7 +162,11 @@ def prove_stability(
     system = DelaySystem.of(sys, "sys")
     line = validation.number("right_of", right_of)
     box = np.vstack([_ranges("delays", delays, system.delays), _ranges("gains", gains, system.gains)])
-    bits = None if precision is None else validation.integer("precision", precision, at_least=24)
+    bits = (
+        None
+        if precision is None
+        else validation.integer("precision", precision, at_least=24, at_most=100_000)
+    )
     search = _Search(
         system.written or SystemMatrix.of_realization(system.realization, system.widths),
         line,
