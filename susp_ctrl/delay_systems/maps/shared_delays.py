@@ -102,7 +102,7 @@ def _signs(blocks: _Blocks, W: FloatArray, T: FloatArray) -> np.ndarray:
     """Tell where the level is positive: first on a coarse grid, then in the cells that a curve may enter.
 
     In those some ``log |mu_i|`` at a corner is no larger than twice what it changes by from corner to corner. The
-    other cells have the sign of their corners.
+    other cells have the sign of their corners, unless it changes from one point to the next: then both are looked at.
     """
     rows, columns = (np.unique(np.append(np.arange(0, size, _COARSE), size - 1)) for size in W.shape)
     coarse = np.ix_(rows, columns)
@@ -117,7 +117,16 @@ def _signs(blocks: _Blocks, W: FloatArray, T: FloatArray) -> np.ndarray:
     asked = np.any([near[np.ix_(r, c)] for r in (r0, r1) for c in (c0, c1)], axis=0)
     outside = np.sum(sizes > 0.0, axis=2) % 2 == 0
     positive = outside[np.ix_(r1, c1)]
-    positive[asked] = blocks.level(W[asked], T[asked]) > 0.0
+    known = np.zeros_like(positive)
+    while np.any(asked):
+        positive[asked] = blocks.level(W[asked], T[asked]) > 0.0
+        known |= asked
+        asked = np.zeros_like(positive)
+        for here, there in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
+            changes = positive[here] != positive[there]
+            asked[here] |= changes
+            asked[there] |= changes
+        asked &= ~known
     return positive
 
 

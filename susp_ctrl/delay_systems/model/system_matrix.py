@@ -58,11 +58,10 @@ class SystemMatrix:
         k, p, q = len(entries), system.noutputs, system.ninputs
         terms: dict[Term, FloatArray] = {}
         for v, (i, j) in enumerate(entries):
-            # a power of two common to both is no rounding and no matter
-            common = -int(np.frexp(np.max(np.abs(system.den[i][j])))[1])
-            for row, coefficients in ((v, system.den[i][j]), (k + i, system.num[i][j])):
-                values = np.ldexp(np.trim_zeros(np.atleast_1d(coefficients), "f"), common)
-                for power, value in enumerate(values[::-1].tolist()):
+            for row, coefficients in zip(
+                (v, k + i), _without_common_factor(system.den[i][j], system.num[i][j]), strict=True
+            ):
+                for power, value in enumerate(coefficients[::-1].tolist()):
                     terms.setdefault((power, None), np.zeros((k + p, k + q)))[row, v] = value
             terms.setdefault((0, None), np.zeros((k + p, k + q)))[v, k + j] = 1.0
         return cls(terms, k)
@@ -169,6 +168,16 @@ class SystemMatrix:
     def closed_by(self, delays: FloatArray, gains: FloatArray) -> DelayPolynomials:
         """Return T with the numbers of the delays and gains."""
         return DelayPolynomials.of(self, delays, gains)
+
+
+def _without_common_factor(den: FloatArray, num: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Bring the largest coefficient of a denominator near one, by a power of two where that rounds nothing."""
+    given = [np.trim_zeros(np.atleast_1d(part), "f") for part in (den, num)]
+    exponent = int(np.frexp(np.max(np.abs(given[0])))[1])
+    scaled = [np.ldexp(part, -exponent) for part in given]
+    kept = all(np.array_equal(np.ldexp(new, exponent), old) for new, old in zip(scaled, given, strict=True))
+    first, second = scaled if kept else given
+    return first, second
 
 
 def _whole(T: FloatArray, U: FloatArray, V: FloatArray, W: FloatArray) -> FloatArray:

@@ -148,7 +148,9 @@ def prove_stability(
 
     Notes
     -----
-    The mathematics stands in `susp_ctrl.delay_systems.proof`.
+    The mathematics stands in `susp_ctrl.delay_systems.proof`. What was computed before in floating point is not part of
+    the proof: a vehicle's matrices from its masses and stiffnesses, and products of matrices of numbers that a system
+    was multiplied by.
 
     Examples
     --------

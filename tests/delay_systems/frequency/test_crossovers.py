@@ -12,9 +12,16 @@ import susp_ctrl as sc
 Coefficients = np.ndarray
 
 
+def horner(coefficients, point):
+    total = mp.mpf(0)
+    for coefficient in coefficients:
+        total = total * point + coefficient
+    return total
+
+
 def value(numerator: Coefficients, denominator: Coefficients, tau: float, omega: mp.mpf) -> mp.mpc:
     point = mp.mpc(0, omega)
-    parts = (mp.polyval([mp.mpf(float(c)) for c in p], point) for p in (numerator, denominator))
+    parts = (horner([mp.mpf(float(c)) for c in p], point) for p in (numerator, denominator))
     return mp.fdiv(*parts) * mp.exp(-point * mp.mpf(tau))
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import susp_ctrl as sc
 from susp_ctrl.delay_systems import verdict as verdict_module
-from susp_ctrl.delay_systems.model import DelaySystem
+from susp_ctrl.delay_systems.model import DelaySystem, SystemMatrix
 
 
 def transfer_function(rng):
@@ -105,3 +105,10 @@ def test_a_common_factor_of_a_transfer_function_is_no_matter(factor):
     verdict = sc.stability(sc.feedback(lag, 0.5))
     assert verdict.stable is True
     assert None not in verdict.agreement.values()
+
+
+@pytest.mark.analytical
+def test_a_common_factor_takes_no_coefficient_away():
+    """1e-150/(1e200 (s + 1)): bringing the denominator near one would make the numerator zero."""
+    written = SystemMatrix.of_transfer_function(ct.tf([1e-150], [1e200, 1e200]))
+    assert any(1e-150 in matrix for matrix in written.terms.values())
